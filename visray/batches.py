@@ -119,14 +119,24 @@ def place(columns: Columns, first_row: int, materials: Material) -> Batch:
         coordinate_bound = dr.detach(l1_norm(placed.inverse.o))
     if columns.kind.composite:
         coordinate_bound = placed.size
+    return evaluated(
+        Batch(columns.kind, columns.names, first_row, placed, low, high, centre, radius, coordinate_bound,
+              columns.object_of, object=columns.object, **_painted(columns, materials))
+    )  # fmt: skip
+
+
+def repainted(batch: Batch, columns: Columns, materials: Material) -> Batch:
+    """A placed batch with other materials, evaluated. columns: what it was made from. materials: as in place"""
+    return evaluated(replace(batch, **_painted(columns, materials)))
+
+
+def _painted(columns: Columns, materials: Material) -> dict[str, Any]:
+    """The fields of a batch that depend on materials. materials: as in place"""
     material = rows(materials, columns.material)
     if columns.color is not None:
         material = columns.color.applied(material)
-    return evaluated(
-        Batch(columns.kind, columns.names, first_row, placed, low, high, centre, radius, coordinate_bound,
-              columns.object_of, material, columns.texture, columns.object,
-              back=_back(columns, materials), looks=columns.looks and _placed_looks(columns, materials))
-    )  # fmt: skip
+    looks = columns.looks and _placed_looks(columns, materials)
+    return {"material": material, "texture": columns.texture, "back": _back(columns, materials), "looks": looks}
 
 
 def _placed_looks(columns: Columns, materials: Material) -> Looks:

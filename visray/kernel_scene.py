@@ -17,7 +17,7 @@ from visray.accel import policy
 from visray.accel.lists import camera_sheet
 from visray.accel.origin import Geometry, RayOrigin
 from visray.accel.parallel_lists import ParallelLists
-from visray.batches import Batch, place
+from visray.batches import Batch, place, repainted
 from visray.camera import ParallelView, View
 from visray.columns import BackSide, Columns, Looks
 from visray.features import Features
@@ -158,13 +158,7 @@ def kernel_scene(
     families = shared_by(features, [type(light) for light in scene.lights.values()], bool(looped), parallel)
     if any(geometry.plan(shared).tree for shared in families.values()):
         _ = geometry.tree  # It is built now, because no kernel that is being traced can build it.
-    camera_origin = camera_lists = None
-    if parallel:
-        forward = np.array(view.forward, float)[:, 0]
-        camera_lists = parallel_lists_of(geometry, forward, against=False)
-    else:
-        sheet = camera_sheet(packed.camera, scene.film.width, scene.film.height)
-        camera_origin = RayOrigin(geometry, view.o, views=(sheet,))
+    camera_origin, camera_lists = _camera_search(packed.camera, view, geometry, scene)
     counts = {"sky": occlusion.sky, "near": occlusion.near, "scatter": max(scatter.rays, 1)}
     return KernelScene(
         a=a,
@@ -195,19 +189,52 @@ def kernel_scene(
     )
 
 
+def with_view(s: KernelScene, camera: Any, scene: Scene, lists: bool = True) -> KernelScene:
+    """The kernel scene, seen by another camera of the same type and with the same effects.
+
+    camera: the camera's numbers, as arrays
+    scene: the scene with this camera and with the film
+    lists: whether camera rays find rows in lists, where the policy puts rows in lists. The lists of a camera take long
+        to build, and rays are faster with them. Without lists, rays search the tree. The bits are the same, unless the
+        camera lies on a surface.
+    """
+    view = evaluated(camera.view(scene.film.width, scene.film.height, s.a))
+    if lists or not s.geometry.plan("direction" if isinstance(view, ParallelView) else "origin").lists:
+        # The lists of the camera before are not kept.
+        geometry = s.geometry.with_looks(s.geometry.batches)
+        origin, camera_lists = _camera_search(camera, view, geometry, scene)
+        return replace(s, geometry=geometry, view=view, origin=origin, camera_lists=camera_lists)
+    _ = s.geometry.tree  # It is built now, because no kernel that is being traced can build it.
+    return replace(s, view=view, origin=None, camera_lists=None)
+
+
+def _camera_search(
+    camera: Any, view: View | ParallelView, geometry: Geometry, scene: Scene
+) -> tuple[RayOrigin | None, ParallelLists | None]:
+    """The fields `origin` and `camera_lists` of a KernelScene. camera: the camera's numbers, as arrays."""
+    if isinstance(view, ParallelView):
+        return None, parallel_lists_of(geometry, np.array(view.forward, float)[:, 0], against=False)
+    sheet = camera_sheet(camera, scene.film.width, scene.film.height)
+    return RayOrigin(geometry, view.o, views=(sheet,)), None
+
+
 def _geometry(packed: Packed, a: Arrays, settings: Settings, previous: tuple[Packed, KernelScene] | None) -> Geometry:
     """All batches placed in the world, and the tree over them. previous: as in kernel_scene."""
     batches: list[Batch] = []
-    reusable = {}
-    if previous is not None and previous[0].materials is packed.materials:
+    reusable, same_looks = {}, previous is not None and previous[0].materials is packed.materials
+    if previous is not None:
         reusable = {id(columns): batch for columns, batch in zip(previous[0].batches, previous[1].batches)}
-    first_row = 0
+    first_row, moved = 0, len(packed.batches) != len(reusable)
     for columns in packed.batches:
-        batches.append(reusable.get(id(columns)) or place(columns, first_row, packed.materials))
+        known = reusable.get(id(columns))
+        if known is None:
+            moved = True
+            batches.append(place(columns, first_row, packed.materials))
+        else:
+            batches.append(known if same_looks else repainted(known, columns, packed.materials))
         first_row += len(columns)
-    unchanged = reusable and all(new is old for new, old in zip(batches, previous[1].batches))
-    if unchanged and previous[1].geometry.accelerator == settings.accelerator:
-        return previous[1].geometry
+    if previous is not None and not moved and previous[1].geometry.accelerator == settings.accelerator:
+        return previous[1].geometry if same_looks else previous[1].geometry.with_looks(tuple(batches))
     return Geometry(a, tuple(batches), settings.accelerator)
 
 

@@ -9,7 +9,7 @@ fields there. These functions turn records into plain tuples of arrays and back,
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -31,13 +31,16 @@ def mapped(f: Callable, tree: Any, shared: bool = False) -> Any:
 
     shared: whether f is applied to arrays inside Shared too
     """
+    if tree is None:
+        return None
     if dr.is_array_v(tree):
         return f(tree)
     if isinstance(tree, tuple):
         return tuple(mapped(f, x, shared) for x in tree)
-    if not is_dataclass(tree) or isinstance(tree, type) or (isinstance(tree, Shared) and not shared):
+    fields = getattr(type(tree), "__dataclass_fields__", None)
+    if fields is None or (isinstance(tree, Shared) and not shared):
         return tree
-    return record(type(tree), {name: mapped(f, getattr(tree, name), shared) for name in tree.__dataclass_fields__})
+    return record(type(tree), {name: mapped(f, getattr(tree, name), shared) for name in fields})
 
 
 def rows(tree: Any, index: Any, active: Any = True) -> Any:

@@ -153,8 +153,7 @@ def record(kind: type, fields: Mapping[str, Any]) -> Any:
     """A record of type `kind` with some fields; all others are None. It is made without __init__, because a kind checks
     its name, material and transform there, and a table has none."""
     made = object.__new__(kind)
-    for name in kind.__dataclass_fields__:
-        object.__setattr__(made, name, fields.get(name))
+    vars(made).update({name: fields.get(name) for name in kind.__dataclass_fields__})
     return made
 
 

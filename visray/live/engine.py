@@ -4,71 +4,70 @@ All work of Dr.Jit is done in this thread. Other threads leave wishes, of which 
 """
 
 import threading
-from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from visray import clock
-from visray.adaptive.result import adaptive_sampler
-from visray.animation.moment import assignments as moment_assignments
-from visray.animation.moment import still_at
-from visray.errors import UserError
+from visray.live.jobs import Jobs
+from visray.live.pace import Pace
 from visray.live.picture import LivePicture
+from visray.live.replay import Replays
+from visray.live.seeing import has_lists, seen
+from visray.live.state import State
+from visray.live.telling import Telling, lines_of
 from visray.live.viewer import Viewer
-from visray.scene.address import changed
-from visray.scene.adjusted import adjusted
-from visray.scene.edits import within
+from visray.live.wishes import Change, Wishes
 from visray.scene.scene import Scene
 from visray.setup import Prepared
-from visray.study.leaving_out import AREA_LIGHTS, prepared_without
 
+__all__ = ["Change", "Engine"]
 
-@dataclass(frozen=True)
-class Change:
-    """What has changed in the scene.
-
-    kind: "values" (numbers at addresses), "scene" (another scene), "time" or "effects"
-    addresses: of the values that changed
-    """
-
-    kind: str
-    addresses: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class _Wishes:
-    """What other threads have asked for since the last look. values: newest value by address."""
-
-    values: Mapping[str, Any]
-    scene: Scene | None = None
-    seconds: float | None = None
-    left_out: tuple[str, ...] | None = None
+# If placing a camera takes longer, in seconds, because its lists of rows are built, then rays search the tree while it
+# moves, and lists are built when it rests.
+LISTS = 0.02
+# Seconds that `stop` waits for the end of the current step, which is long while a kernel is compiled.
+PATIENCE = 30.0
 
 
 class Engine:
     """Renders a scene for viewers, in a thread of its own.
 
-    scene: the scene with all changes so far; with its animation, if it has one
-    edits: the changed values, by address
-    time: the moment that is shown, in seconds; 0 without an animation
-    left_out: names of effects that are not simulated
-    changes: number of changes so far, of the scene or of a viewer's camera
+    changes: number of changes so far, of the scene or of its effects
     target: error at which a picture is finished
+    viewers: all viewers
     """
 
     def __init__(self, scene: Scene, *, target: float = 0.01):
-        self.target = target
-        self.scene, self.edits, self.time, self.left_out = scene, {}, 0.0, ()
-        self.changes = 0
+        self.target, self.changes = target, 0
         self.viewers: list[Viewer] = []
-        self._base: Prepared | None = None
-        self._wishes, self._jobs = _Wishes({}), deque()
+        self._state = State(scene, {})
+        self._wishes, self._jobs = Wishes(), Jobs()
         self._wake, self._lock, self._stopped = threading.Event(), threading.RLock(), False
-        self._scene_listeners: list[Callable[[Change], None]] = []
-        self._error_listeners: list[Callable[[tuple[str, ...]], None]] = []
+        self._telling, self._replays = Telling(), Replays()
+        self._moves_in_tree = False
         self._thread = threading.Thread(target=self._run, name="visray live", daemon=True)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene with all changes so far; with its animation, if it has one."""
+        return self._state.scene
+
+    @property
+    def edits(self) -> Mapping[str, Any]:
+        """The changed values, by address."""
+        return self._state.edits
+
+    @property
+    def time(self) -> float:
+        """The moment that is shown, in seconds; 0 without an animation."""
+        return self._state.time
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Names of effects that are not simulated."""
+        return self._state.left_out
 
     def start(self) -> "Engine":
         """Starts the thread."""
@@ -76,11 +75,12 @@ class Engine:
         return self
 
     def stop(self) -> None:
-        """Ends the thread, after its current step."""
+        """Ends the thread, after its current step. Work that nobody has begun is cancelled."""
         self._stopped = True
         self._wake.set()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
-            self._thread.join()
+            self._thread.join(PATIENCE)
+        self._jobs.cancel()
 
     def __enter__(self) -> "Engine":
         return self.start()
@@ -104,7 +104,7 @@ class Engine:
 
     def assign(self, values: Mapping[str, Any]) -> None:
         """Changes values of the scene, by address."""
-        self._wish(values=values)
+        self._wish(lambda wishes: wishes.with_values(values))
 
     @property
     def wished(self) -> Mapping[str, Any]:
@@ -120,41 +120,44 @@ class Engine:
 
     def seek(self, seconds: float) -> None:
         """Shows another moment of an animated scene."""
-        self._wish(seconds=seconds)
+        self._wish(lambda wishes: replace(wishes, seconds=seconds))
 
     def show(self, scene: Scene) -> None:
         """Shows another scene. All changes so far are forgotten."""
-        with self._lock:
-            self._wishes = replace(self._wishes, values={}, scene=scene)
-        self._wake.set()
+        self._wish(lambda wishes: replace(wishes, scene=scene, values={}))
 
     def leave_out(self, names: tuple[str, ...]) -> None:
         """Simulates all effects of the scene but these."""
-        self._wish(left_out=tuple(names))
+        self._wish(lambda wishes: replace(wishes, left_out=tuple(names)))
 
     def ask(self, work: Callable[[Prepared], Any], viewer: Viewer | None = None) -> Future:
-        """The result of some work in the thread that renders, between two steps.
+        """The result of some work in the thread that renders, between two steps. It is cancelled when the engine stops.
 
         work: function of the prepared scene, as the viewer sees it, or else with the camera of the scene
         """
-        future: Future = Future()
-        self._jobs.append((future, work, viewer))
+        future = self._jobs.ask(lambda: work(self._seen(viewer, lists=True) if viewer else self._prepared()))
         self._wake.set()
+        if self._stopped:
+            self._jobs.cancel()
         return future
 
     def on_scene(self, callback: Callable[[Change], None]) -> None:
         """Calls a function after each change of the scene, in the thread that renders."""
-        self._scene_listeners.append(callback)
+        self._telling.listen("scene", callback)
 
     def on_error(self, callback: Callable[[tuple[str, ...]], None]) -> None:
         """Calls a function with the lines of each error, and with () when all is well again."""
-        self._error_listeners.append(callback)
+        self._telling.listen("error", callback)
 
-    def _wish(self, values: Mapping[str, Any] | None = None, **others: Any) -> None:
-        """Adds a wish; newer values replace older ones."""
+    def on_busy(self, callback: Callable[[str | None], None]) -> None:
+        """Calls a function with what the engine does when pictures have to wait for it, such as "compiling", and with
+        None when it is done."""
+        self._telling.listen("busy", callback)
+
+    def _wish(self, change: Callable[[Wishes], Wishes]) -> None:
+        """Changes the wishes, and wakes the thread that renders."""
         with self._lock:
-            merged = {k: v for k, v in self._wishes.values.items() if k not in (values or {})} | dict(values or {})
-            self._wishes = replace(self._wishes, values=merged, **others)
+            self._wishes = change(self._wishes)
         self._wake.set()
 
     # The thread that renders.
@@ -165,15 +168,14 @@ class Engine:
         while not self._stopped:
             # Cleared before the wishes are looked at: a wish that comes later sets it again.
             self._wake.clear()
-            busy = self._take_wishes() | self._take_job()
-            viewers = self.viewers
-            for viewer in viewers:
+            busy = self._take_wishes() | self._jobs.do_one()
+            for viewer in self.viewers:
                 busy |= self._follow(viewer)
-            open_pictures = [v for v in viewers if v.picture is not None and not v.picture.finished]
+            open_pictures = [v for v in self.viewers if v.picture is not None and not v.picture.finished]
             if open_pictures:
                 turn += 1
                 # A picture without any state comes before those that only get better.
-                first = [v for v in open_pictures if v.picture.film is None] or open_pictures
+                first = [v for v in open_pictures if not v.has_state] or open_pictures
                 self._step(first[turn % len(first)])
             elif not busy:
                 self._wake.wait()
@@ -181,104 +183,89 @@ class Engine:
     def _take_wishes(self) -> bool:
         """Changes the scene as other threads have asked. Returns whether anything was asked for."""
         with self._lock:
-            wishes, self._wishes = self._wishes, _Wishes({})
-        if wishes == _Wishes({}):
+            wishes, self._wishes = self._wishes, Wishes()
+        if not wishes:
             return False
+        errors: list[str] = []
         try:
-            change = self._changed(wishes)
-        except UserError as error:
-            self._tell_error(error.lines)
-            return True
-        self.changes += 1
-        for callback in self._scene_listeners:
-            callback(change)
-        self._tell_error(())
+            self._fulfil(wishes)
+        except Exception as error:
+            alone = wishes.one_by_one()
+            if len(alone) == 1:
+                errors += lines_of(error)
+            for single in alone if len(alone) > 1 else ():
+                try:
+                    self._fulfil(single)
+                except Exception as one:
+                    errors += lines_of(one)
+        self._telling.busy(None)
+        self._telling.error(tuple(errors))
         return True
 
-    def _changed(self, wishes: _Wishes) -> Change:
-        """Fulfils wishes. Returns what has changed. Raises UserError if the scene refuses them; then nothing has."""
-        scene, edits, time, left_out = self.scene, self.edits, self.time, self.left_out
-        kind = "values"
-        if wishes.scene is not None:
-            scene, edits, kind = wishes.scene, {}, "scene"
-        if wishes.left_out is not None:
-            left_out, kind = wishes.left_out, "effects"
-        if wishes.seconds is not None and scene.animation is not None:
-            time = min(max(wishes.seconds, 0.0), scene.animation.duration)
-            kind = "time" if kind == "values" and not wishes.values else kind
-        if wishes.values:
-            scene, edits = changed(scene, wishes.values), edits | dict(wishes.values)
-        values = dict(wishes.values)
-        if scene.animation is not None:
-            values |= moment_assignments(scene, time)
-        # Without area lights, the prepared scene has other lights than the scene.
-        has_other_lights = AREA_LIGHTS in left_out and any(within(address, "lights") for address in values)
-        afresh = kind in ("scene", "effects") or self._base is None or has_other_lights
+    def _fulfil(self, wishes: Wishes) -> None:
+        """Fulfils wishes. Raises UserError if the scene refuses them; then nothing has changed."""
+        afresh = wishes.scene is not None or wishes.left_out is not None
+        if afresh:
+            self._telling.busy("preparing the scene")
+        state, change = self._state.with_wishes(wishes)
+        self._state, self.changes = state, self.changes + 1
         for viewer in self.viewers:
-            if afresh:
-                viewer.prepared = None
-            elif viewer.prepared is not None:
-                viewer.prepared = viewer.prepared.updated(values)
-            viewer.shown = None
-        self._base = None if afresh else self._base.updated(values)
-        self.scene, self.edits, self.time, self.left_out = scene, edits, time, left_out
-        return Change(kind, tuple(wishes.values))
+            viewer.forget(paces=afresh)
+        self._moves_in_tree &= not afresh
+        self._telling.scene(change)
 
     def _prepared(self) -> Prepared:
         """The prepared scene of this moment, with the camera of the scene."""
-        if self._base is None:
-            scene = still_at(self.scene, self.time if self.scene.animation is not None else None)
-            scene = adjusted(scene, sampler=adaptive_sampler(scene.settings.sampler))
-            self._base = prepared_without(scene, *self.left_out)
-        return self._base
+        if self._state.prepared is None:
+            self._telling.busy("preparing the scene")
+            self._state = self._state.with_preparation()
+        return self._state.prepared
+
+    def _seen(self, viewer: Viewer, lists: bool) -> Prepared:
+        """The prepared scene as a viewer sees it."""
+        camera, size = viewer.shown or viewer.wanted
+        return seen(self._prepared(), camera, size, lists)
 
     def _follow(self, viewer: Viewer) -> bool:
         """Begins a new picture if the viewer's camera or size or the scene has changed. Returns whether it has."""
         wanted = viewer.wanted
         if viewer.shown == wanted:
             return False
-        camera, size = wanted
-        begun = clock.now()
+        viewer.shown, viewer.picture, viewer.has_state = wanted, None, False
+        viewer.change, viewer.begun = self.changes, clock.now()
         try:
-            prepared = viewer.prepared or self._prepared()
-            film = replace(prepared.scene.film, width=size[0], height=size[1])
-            if film != prepared.scene.film:
-                prepared = prepared.adjusted(replace(prepared.scene, film=film))
-            if camera is not None and camera != prepared.scene.camera:
-                prepared = prepared.updated({"camera": camera})
-        except UserError as error:
-            viewer.shown = wanted
-            self._tell_error(error.lines)
-            return True
-        viewer.prepared, viewer.shown = prepared, wanted
-        viewer.picture = LivePicture(prepared, self.target, viewer.pace)
-        viewer.change, viewer.begun = self.changes, begun
+            viewer.picture = self._picture(viewer)
+        except Exception as error:
+            self._failed(error)
         return True
+
+    def _failed(self, error: Exception) -> None:
+        """An error has ended some work. It is told, and the thread goes on."""
+        self._telling.busy(None)
+        self._telling.error(lines_of(error))
+
+    def _picture(self, viewer: Viewer) -> LivePicture:
+        """A new picture for a viewer."""
+        self._prepared()
+        begun = clock.now()
+        prepared, rest = self._seen(viewer, lists=not self._moves_in_tree), None
+        viewer.moving.placed(clock.now() - begun)
+        if viewer.moving.before > LISTS and has_lists(prepared):
+            self._moves_in_tree, viewer.moving = True, Pace()
+            prepared = self._seen(viewer, lists=False)
+        if self._moves_in_tree:
+            rest = lambda: (self._seen(viewer, lists=True), viewer.resting)  # noqa: E731 - bound to this viewer
+        return LivePicture(prepared, self.target, viewer.moving, self._replays, rest)
 
     def _step(self, viewer: Viewer) -> None:
         """Computes and sends the next state of a viewer's picture."""
         try:
+            self._telling.busy("compiling" if viewer.picture.is_new else None)
             frame = viewer.picture.step()
-        except UserError as error:
+            self._telling.busy(None)
+            viewer.has_state = True
+            viewer.send(replace(frame, seconds=clock.now() - viewer.begun, change=viewer.change))
+        except Exception as error:
+            # Without a picture, nothing is tried again until something changes.
             viewer.picture = None
-            self._tell_error(error.lines)
-            return
-        viewer.send(replace(frame, seconds=clock.now() - viewer.begun, change=viewer.change))
-
-    def _take_job(self) -> bool:
-        """Does one piece of work that was asked for. Returns whether there was one."""
-        if not self._jobs:
-            return False
-        future, work, viewer = self._jobs.popleft()
-        if future.set_running_or_notify_cancel():
-            try:
-                seen = viewer and viewer.prepared
-                future.set_result(work(seen or self._prepared()))
-            except BaseException as error:
-                future.set_exception(error)
-        return True
-
-    def _tell_error(self, lines: tuple[str, ...]) -> None:
-        """Tells the listeners of an error; (): all is well."""
-        for callback in self._error_listeners:
-            callback(tuple(lines))
+            self._failed(error)

@@ -13,10 +13,13 @@ class Frame:
     size: width and height of the whole picture, in pixels
     grain: side in pixels of the squares that the state consists of; 1: every pixel has its colour
     samples: mean number of samples of a pixel
-    error: root mean square error, divided by the mean luminance, as for --error; None while it is not known
+    error: root mean square error, divided by the mean luminance, as for --error; None while it is not known. The true
+        error is this or smaller, on average (closeness.py)
     finished: whether the error is as small as was asked for
     seconds: from the change that the state shows until it was ready
     change: number of the change that it shows (Engine.changes)
+    share: share of the squares that have their new colour; the others still have that of the state before
+    note: what users should know, such as that the scene takes long; "" if there is nothing
     """
 
     rgb: np.ndarray
@@ -27,3 +30,5 @@ class Frame:
     finished: bool
     seconds: float = 0.0
     change: int = 0
+    share: float = 1.0
+    note: str = ""

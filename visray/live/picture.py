@@ -1,52 +1,48 @@
 """A picture that gets better step by step: first coarse and at once, then with every pixel, then with less noise.
 
-A lane is one pixel in the arrays of a kernel. A step is one launch of a kernel. The grain is the side in pixels of the
-squares that a coarse state consists of.
+A step is one launch of a kernel. Nothing can interrupt it, so it must be short. A sweep is a number of steps that give
+each cell of a grid one sample or more (grids.py). After the sweeps with every pixel, the film is that of a render with
+so many samples of each pixel, bit for bit.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
 
+import drjit as dr
 import numpy as np
 
 from visray import clock
-from visray import film as films
+from visray.film import Film
+from visray.live.closeness import Closeness, error_of
 from visray.live.frame import Frame
+from visray.live.grids import Grid, grains, grid, parts_of
+from visray.live.pace import Pace
+from visray.live.replay import Replays
+from visray.live.screen import Screen
 from visray.moments import Moments
-from visray.output.curves import LUMINANCE, curve
-from visray.pass_timer import PassTimer
-from visray.passes import PACKET, empty_film, exposed_once, spread_lanes, subset
+from visray.passes import PACKET, empty_film, spread_lanes
 from visray.setup import Prepared
 
-# Seconds that the first state of a picture should take, and that each later step should take. Nothing can interrupt a
-# step, so a hand at the mouse waits for its end.
-FIRST, STEP = 0.06, 0.12
-# Sides of the squares of coarse states.
-GRAINS = (32, 16, 8, 4, 2)
-# A pixel takes no more samples than this, whatever the error is.
-MOST_SAMPLES = 4096
+# Seconds from a change to the first state that shows it. Seconds that a later step should take: this share of the time
+# since the change, within these limits. A hand that has just moved something may soon move it again.
+FIRST, SHARE, SHORTEST, LONGEST = 0.07, 0.3, 0.05, 0.15
+# A first state keeps the grain of the one before, unless this factor from FIRST: grains that change are restless.
+STEADY = 1.35
+# The picture is not finished with fewer samples of a pixel, and a pixel takes no more of them, whatever the error is.
+LEAST_SAMPLES, MOST_SAMPLES = 16, 4096
+# Seconds of a sweep over all pixels from which on users are told that the scene takes long.
+LONG = 4.0
 
 
 @dataclass
-class Pace:
-    """How long steps take. One for all pictures of a viewer, so that each knows what those before have learned.
+class Part:
+    """Pixels that take samples together. moments: of their samples. count: number of samples of each."""
 
-    fixed: seconds that every step takes, whatever its number of samples
-    per_sample: seconds that one sample of one pixel takes; None before the first step
-    """
-
-    fixed: float = 0.0
-    per_sample: float | None = None
-
-    def learn(self, samples: int, seconds: float, ran: float) -> None:
-        """Learns from a step. seconds: how long it took without compilation; ran: how long its kernels ran."""
-        self.per_sample = ran / samples
-        self.fixed = max(seconds - ran, 0.0)
-
-    def samples(self, seconds: float) -> float:
-        """Number of samples for which there is time in a step."""
-        if self.per_sample is None:
-            return 4096
-        return max(seconds - self.fixed, seconds / 4) / max(self.per_sample, 1e-12)
+    grid: Grid
+    moments: Moments
+    count: int = 0
+    closeness: Closeness = field(default_factory=Closeness)
 
 
 class LivePicture:
@@ -55,100 +51,158 @@ class LivePicture:
     prepared: the scene
     target: error at which the picture is finished
     pace: what is known of the duration of steps
+    replays: recordings of passes
+    rest: the same scene, prepared so that samples are faster, and the pace of its steps; a function, as this may take
+        longer than a step. None: there is no such scene
     """
 
-    def __init__(self, prepared: Prepared, target: float, pace: Pace):
-        self.prepared, self.target, self.pace = prepared, target, pace
+    def __init__(
+        self,
+        prepared: Prepared,
+        target: float,
+        pace: Pace,
+        replays: Replays | None = None,
+        rest: Callable[[], tuple[Prepared, Pace]] | None = None,
+    ):
+        self.prepared, self.target, self.pace, self.rest = prepared, target, pace, rest
+        self.replays = replays or Replays()
         film = prepared.scene.film
-        self.width, self.height = film.width, film.height
-        self.grain = self._first_grain()
+        self.size = film.width, film.height
+        self.screen = Screen(prepared.a, self.size, film.transparent)
         self.finished = False
-        self.film: films.Film | None = None
-        self.left = np.zeros(0, np.int64)
-        self.goal = 0
+        self.error: float | None = None
+        self.parts: list[Part] = []
+        self._todo: list[Part] = []
+        self._done = self._goal = 0
+        self._born = clock.now()
+        self._whole: Grid | None = None
+
+    @property
+    def film(self) -> Film:
+        """The film of all samples. Domain: between two sweeps over all pixels."""
+        empty = empty_film(self.prepared)
+        lane_of = np.empty(len(empty.pixels), np.int64)
+        lane_of[empty.pixels] = np.arange(len(lane_of))
+        a, counts, arrays = empty.a, empty.counts, [np.array(x) for x in empty.moments.arrays]
+        for part in self.parts:
+            lanes = lane_of[np.array(part.grid.cells)]
+            counts[lanes] = part.count
+            for x, own in zip(arrays, part.moments.arrays):
+                x[..., lanes] = np.array(own)
+        return empty.with_moments(Moments(*(a.put(k, x) for k, x in zip(Moments.types(a), arrays))), counts)
+
+    @property
+    def _room(self) -> float:
+        """Number of samples for which there is time in a step after the first one."""
+        return self.pace.samples(min(max(SHARE * (clock.now() - self._born), SHORTEST), LONGEST))
+
+    @property
+    def is_new(self) -> bool:
+        """Whether the next step needs a kernel that may have to be compiled."""
+        return not self.replays.knows(self.prepared)
 
     def step(self) -> Frame:
         """The next state of the picture. Domain: it is not finished."""
-        if self.grain > 1:
-            frame = self._coarse(self.grain)
-            self.grain = max(self.grain // 2, 1)
-            return frame
-        return self._fine()
+        if not self._todo:
+            self._next_sweep()
+        part = self._todo.pop(0)
+        mean = self._sampled(part, self._goal)
+        self._done += dr.width(part.grid.cells)
+        if self._whole.grain == 1:
+            part.closeness.update(self.prepared.a, mean, part.count)
+        if not self._todo:
+            self._end_sweep()
+        return self._frame()
 
-    def _first_grain(self) -> int:
-        """Grain of the first state: the finest one for which there is time."""
-        room, pixels = self.pace.samples(FIRST), self.width * self.height
-        fitting = [g for g in (*GRAINS, 1) if pixels / g**2 <= room]
-        return min(fitting, default=GRAINS[0])
-
-    def _exposed(self, prepared: Prepared, film: films.Film, targets: np.ndarray | int) -> films.Film:
-        """The film after one more step. targets: number of samples that each lane has then."""
-        timer, begun = PassTimer(), clock.now()
-        samples = int(np.sum(targets - film.counts))
-        film = exposed_once(prepared, film, targets, timer)
-        ran = timer.sample_seconds * samples
-        self.pace.learn(samples, clock.now() - begun - timer.compile_seconds, ran)
-        return film
-
-    def _coarse(self, grain: int) -> Frame:
-        """A state in which one pixel of each square is computed."""
-        columns, rows = (np.arange(-(-n // grain)) * grain for n in (self.width, self.height))
-        columns, rows = (np.minimum(x + grain // 2, n - 1) for x, n in ((columns, self.width), (rows, self.height)))
-        wanted = (rows[:, None] * self.width + columns).ravel()
-        lane_of = np.empty(len(self.prepared.order), np.int64)
-        lane_of[self.prepared.order] = np.arange(len(lane_of))
-        lanes = lane_of[wanted]
-        sorting = np.argsort(lanes)
-        part = subset(self.prepared, lanes[sorting])
-        film = self._exposed(part, empty_film(part), 1)
-        picture = np.empty((len(wanted), 3))
-        picture[sorting] = np.array(film.mean).T
-        rgb = displayed(picture.reshape(len(rows), len(columns), 3))
-        return Frame(rgb, (self.width, self.height), grain, 1 / grain**2, None, False)
-
-    def _fine(self) -> Frame:
-        """A state in which each pixel has its own colour, with more samples than the state before."""
-        n, a = len(self.prepared.order), self.prepared.a
-        if self.film is None:
-            self.film = empty_film(self.prepared)
+    def _sampled(self, part: Part, goal: int) -> Any:
+        """Takes samples of a part until each pixel has `goal` of them, and shows it. Returns its mean colours."""
         while True:
-            if not len(self.left):
-                done = int(self.film.counts.min())
-                room = max(int(self.pace.samples(STEP) / n), 1)
-                self.goal = min(done + min(max(done, 1), room), MOST_SAMPLES)
-                self.left = spread_lanes(n)
-            room = max(int(self.pace.samples(STEP) / max(self.goal - self.film.counts.min(), 1)) // PACKET, 1) * PACKET
-            if len(self.left) == n and room >= n:
-                self.film, self.left = self._exposed(self.prepared, self.film, self.goal), self.left[:0]
-                return self._state()
-            now, self.left = np.split(self.left, [room if len(self.left) - room >= PACKET else len(self.left)])
-            kinds, moments = Moments.types(a), [np.array(x) for x in self.film.moments.arrays]
-            counts = self.film.counts.copy()
-            part = films.Film(a, Moments(*(a.put(k, x[..., now]) for k, x in zip(kinds, moments))), counts[now], now)
-            part = self._exposed(subset(self.prepared, now), part, np.full(len(now), self.goal))
-            for x, new in zip(moments, part.moments.arrays):
-                x[..., now] = np.array(new)
-            counts[now] = part.counts
-            self.film = self.film.with_moments(Moments(*(a.put(k, x) for k, x in zip(kinds, moments))), counts)
-            if counts.all():
-                return self._state()
+            begun, n, first = clock.now(), dr.width(part.grid.x), part.count
+            moments, is_new = self.replays.sampled(
+                self.prepared, part.grid.x, part.grid.y, part.moments, first, goal - first
+            )
+            traced = clock.now()
+            dr.eval(moments)
+            dr.sync_thread()
+            ran = clock.now() - traced
+            mean = self.screen.paint(part.grid, moments, goal)
+            dr.sync_thread()
+            if not is_new:
+                break
+            # Its time was that of compilation. It is repeated, so that its own time is known.
+        part.moments, part.count = moments, goal
+        self.pace.learn(n * (goal - first), clock.now() - begun, ran)
+        return mean
 
-    def _state(self) -> Frame:
-        """The state of the film."""
-        film, counts = self.film, self.film.counts
-        mean, error = np.array(film.mean), None
-        if counts.min() > 1:
-            luminance = float((LUMINANCE @ mean).mean())
-            square = float((np.array(film.squares) / (counts - 1) / counts).mean())
-            error = np.sqrt(square) / luminance if luminance > 0 else None
-        self.finished = (error is not None and error <= self.target) or counts.min() >= MOST_SAMPLES
-        rgb = np.empty((len(counts), 3))
-        rgb[self.prepared.order] = mean.T
-        rgb = displayed(rgb.reshape(self.height, self.width, 3))
-        size = self.width, self.height
-        return Frame(rgb, size, 1, float(counts.mean()), error, self.finished)
+    def _next_sweep(self) -> None:
+        """Begins the next sweep: over a finer grid, or over all pixels."""
+        a, before = self.prepared.a, self._whole
+        if before is not None and before.grain == 1:
+            largest = max(dr.width(part.grid.x) for part in self.parts)
+            room = int(self._room / largest)
+            done = self.parts[0].count
+            self._goal = min(done + max(min(room, done), 1), MOST_SAMPLES)
+            self._todo, self._done = list(self.parts), 0
+            return
+        grain = self._next_grain(before)
+        self._whole = whole = grid(a, *self.size, grain)
+        self.screen.begin(whole)
+        n, room = len(whole), len(whole)
+        if self.pace.per_sample is not None:
+            room = max(int(self._room) // PACKET, 1) * PACKET
+        if n <= room:
+            grids = [whole]
+        else:
+            # Every part is spread over the whole picture. None has a single lane, which would need its own kernel.
+            grids = parts_of(a, whole, np.array_split(spread_lanes(n), min(-(-n // room), n // PACKET)))
+        self._todo = [Part(g, Moments.empty(a, dr.width(g.x))) for g in grids]
+        self._goal, self._done = 1, 0
+        if grain == 1:
+            self.parts = list(self._todo)
 
+    def _next_grain(self, before: Grid | None) -> int:
+        """Grain of the next sweep. before: the grid of the sweep before, if there was one."""
+        known = grains(*self.size)
+        if self.pace.per_sample is None:
+            # Nothing is known of the scene, which may be very slow.
+            return known[0]
+        pixels = self.size[0] * self.size[1]
+        if before is None:
+            room, old = self.pace.samples(FIRST, first=True), self.pace.grain
+            fitting = [g for g in known if pixels / g**2 <= room] or [known[0]]
+            if old in known and room / STEADY <= pixels / old**2 <= room * STEADY:
+                fitting.append(old)
+            self.pace.grain = fitting[-1]
+            return fitting[-1]
+        room = self._room
+        finer = [g for g in known if g < before.grain]
+        return ([g for g in finer if pixels / g**2 <= room] or [finer[0]])[-1]
 
-def displayed(rgb: np.ndarray) -> np.ndarray:
-    """Linear colours as they are shown on a screen. Shapes: (h, w, 3) to uint8 (h, w, 3)."""
-    return np.floor(curve(np.clip(rgb, 0, 1), "srgb") * 255 + 0.5).astype(np.uint8)
+    def _end_sweep(self) -> None:
+        """What is known after a sweep."""
+        if self._whole.grain > 1:
+            return
+        count = self.parts[0].count
+        self.error = error_of([part.closeness for part in self.parts], self.size[0] * self.size[1])
+        is_good = self.error is not None and self.error <= self.target and count >= LEAST_SAMPLES
+        self.finished = is_good or count >= MOST_SAMPLES
+        if self.rest is not None and not self.finished:
+            prepared, pace = self.rest()
+            if pace.per_sample is None:
+                pace.fixed, pace.per_sample = self.pace.fixed, self.pace.per_sample
+            if pace.per_sample <= self.pace.per_sample:
+                self.prepared, self.pace = prepared, pace
+            self.rest = None
+
+    def _frame(self) -> Frame:
+        """The state as it is now."""
+        whole, share = self._whole, self._done / len(self._whole)
+        samples = 1 / whole.grain**2
+        if whole.grain == 1:
+            samples = sum(part.count * dr.width(part.grid.x) for part in self.parts) / len(whole)
+        note, passing = "", len(grid(self.prepared.a, *self.size, 1)) * (self.pace.per_sample or 0.0)
+        if passing > LONG:
+            note = f"a sample of each pixel takes about {passing:.0f} s"
+        return Frame(
+            self.screen.rgb(), self.size, whole.grain, samples, self.error, self.finished, share=share, note=note
+        )

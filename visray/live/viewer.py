@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import Any
 
 from visray.live.frame import Frame
-from visray.live.picture import LivePicture, Pace
-from visray.setup import Prepared
+from visray.live.pace import Pace
+from visray.live.picture import LivePicture
 
 
 class Viewer:
@@ -17,7 +17,7 @@ class Viewer:
     size: width and height of the picture in pixels.
     camera: a camera, or None for that of the scene.
 
-    The other fields belong to the engine (engine.py).
+    The other fields belong to the engine (engine.py), in the thread that renders.
     """
 
     def __init__(self, send: Callable[[Frame], None], size: tuple[int, int], camera: Any = None):
@@ -25,11 +25,10 @@ class Viewer:
         self._wanted = (camera, size)
         self._lock = threading.Lock()
         self.changed: Callable[[], None] = lambda: None
-        # State that only the thread that renders reads and writes.
         self.shown: tuple[Any, tuple[int, int]] | None = None
-        self.prepared: Prepared | None = None
         self.picture: LivePicture | None = None
-        self.pace = Pace()
+        self.has_state = False
+        self.moving, self.resting = Pace(), Pace()
         self.change, self.begun = 0, 0.0
 
     def look(self, camera: Any = None, size: tuple[int, int] | None = None) -> None:
@@ -45,3 +44,9 @@ class Viewer:
         """The newest camera (None: that of the scene) and size."""
         with self._lock:
             return self._wanted
+
+    def forget(self, paces: bool) -> None:
+        """The scene has changed: what is shown is old. paces: whether steps may take much longer or shorter now."""
+        self.shown = None
+        if paces:
+            self.moving, self.resting = Pace(), Pace()

@@ -14,6 +14,7 @@ from live_support import Watcher, small_scene, until
 
 import visray as vr
 from visray.live.engine import Engine
+from visray.live.picture import LivePicture
 from visray.live.screen import displayed
 from visray.pass_timer import Compilations
 from visray.scene.adjusted import adjusted
@@ -224,17 +225,14 @@ def test_engine_tells_what_it_is_busy_with():
 def test_errors_of_the_program_are_told(monkeypatch):
     with running() as (engine, watcher):
         finished(watcher, engine)
-        step = type(watcher.viewer.picture).step
-        monkeypatch.setattr(type(watcher.viewer.picture), "step", lambda self: {}["lost"])
-        engine.assign({"objects.ball.radius": 0.3})
-        assert until(lambda: engine.told and engine.told[-1])
-        assert engine.told[-1] == ("internal error: KeyError: 'lost'",)
-        monkeypatch.setattr(type(watcher.viewer.picture or Watcher), "step", step, raising=False)
-        from visray.live.picture import LivePicture
-
-        monkeypatch.setattr(LivePicture, "step", step)
+        with monkeypatch.context() as patch:
+            patch.setattr(LivePicture, "step", lambda self: {}["lost"])
+            engine.assign({"objects.ball.radius": 0.3})
+            assert until(lambda: engine.told and engine.told[-1])
+            assert engine.told[-1] == ("internal error: KeyError: 'lost'",)
         engine.assign({"objects.ball.radius": 0.4})
         finished_after(watcher, engine, 2)
+        assert engine.told[-1] == ()
 
 
 def test_a_listener_that_fails_is_told(monkeypatch):

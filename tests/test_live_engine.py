@@ -103,7 +103,7 @@ def test_a_viewer_whose_function_fails_holds_up_nobody():
         assert engine.told[-1] == ("internal error: ZeroDivisionError: division by zero",)
         engine.remove(broken.viewer)
         engine.assign({"objects.ball.radius": 0.4})
-        finished(watcher, engine)
+        finished_after(watcher, engine, 1)
         assert engine.told[-1] == ()
 
 

@@ -52,12 +52,16 @@ class State:
             values |= moment_assignments(scene, time)
         values = {address: value for address, value in values.items() if not within(address, "animation")}
         # Without area lights, the prepared scene has other lights than the scene.
-        has_other_lights = AREA_LIGHTS in left_out and any(within(address, "lights") for address in values)
-        if kind in ("scene", "effects") or (self.prepared is not None and has_other_lights):
+        other_lights = AREA_LIGHTS in left_out and any(within(address, "lights") for address in values)
+        other_lights |= (AREA_LIGHTS in left_out) != (AREA_LIGHTS in self.left_out)
+        if kind == "scene" or (other_lights and self.prepared is not None):
             # A scene that cannot be prepared is refused here, and the one before stays.
             state = state.with_preparation()
-        elif self.prepared is not None:
-            state = replace(state, prepared=self.prepared.updated(values) if values else self.prepared)
+        elif (prepared := self.prepared) is not None:
+            if left_out != self.left_out:
+                effects = (effect for effect in left_out if effect != AREA_LIGHTS)
+                prepared = replace(prepared, without=()).leaving_out(*effects)
+            state = replace(state, prepared=prepared.updated(values) if values else prepared)
         return state, Change(kind, tuple(wishes.values))
 
     def with_preparation(self) -> "State":

@@ -163,7 +163,7 @@ class HandlesPart:
             node, scale=SIZE, fixed=True, disable_rotations=True, depth_test=False, translation_limits=limits,
             position=point, line_width=2.0,
         )  # fmt: skip
-        scene.add_label(node + "/name", label)
+        scene.add_label(node + "/name", label, anchor="top-right")
 
         @handle.on_update
         async def _(event: Any) -> None:

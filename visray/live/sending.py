@@ -41,7 +41,7 @@ class Sender:
     def __init__(self, show: Callable[[Frame], None]):
         self.show = show
         self._newest: Frame | None = None
-        self._closed = False
+        self._closed = self._busy = False
         self._wake = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="visray sender", daemon=True)
         self._thread.start()
@@ -51,6 +51,12 @@ class Sender:
         with self._wake:
             self._newest = frame
             self._wake.notify()
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether all that was to be sent has arrived."""
+        with self._wake:
+            return self._newest is None and not self._busy
 
     def close(self) -> None:
         """Sends nothing more."""
@@ -65,13 +71,15 @@ class Sender:
                     self._wake.wait()
                 if self._closed:
                     return
-                frame, self._newest = self._newest, None
+                frame, self._newest, self._busy = self._newest, None, True
             try:
                 self.show(frame)
             except Exception:
                 # The browser has left, or the server has stopped: there is nobody to tell.
                 if self._closed:
                     return
+            with self._wake:
+                self._busy = False
 
 
 def shower(handle: Any) -> Callable[[Frame], None]:

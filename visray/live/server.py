@@ -2,6 +2,7 @@
 
 import math
 import threading
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,8 @@ def serve(
 ) -> Live:
     """Starts a live picture. host, port: where its server listens; the port is free."""
     viser = needed()
+    # A browser may leave at any time, also while its page is built.
+    warnings.filterwarnings("ignore", "Queued a .* on a closed connection")
     engine = Engine(scene, target=target).start()
     with silent_rich():
         server = viser.ViserServer(host=host, port=port, label=name, verbose=False)

@@ -1,0 +1,199 @@
+"""The live picture in a real browser."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from browser import chromium, drag, page_of, seen
+
+import visray as vr
+
+pytest.importorskip("viser")
+from page import eventually
+
+SCENE = vr.Scene(
+    camera=vr.Camera(origin=(0.0, 1.5, 7.0), target=(0.0, 0.5, 0.0), fov=35.0),
+    film=vr.Film(width=64, height=48),
+    background=(0.2, 0.3, 0.5),
+    ambient=(0.5, 0.5, 0.5),
+    materials={
+        "red": vr.Material(kd=(0.8, 0.05, 0.05)),
+        "green": vr.Material(kd=(0.05, 0.6, 0.05)),
+        "grey": vr.Material(kd=(0.5, 0.5, 0.5)),
+    },
+    lights={"key": vr.PointLight(position=(4.0, 6.0, 5.0)), "back": vr.PointLight(position=(0.0, 2.0, -9.0))},
+    objects={
+        "floor": vr.Plane(material="grey"),
+        "left": vr.Sphere(center=(-1.2, 0.8, 0.0), radius=0.8, material="red"),
+        "right": vr.Sphere(center=(0.6, 0.5, 1.0), radius=0.5, material="green"),
+    },
+)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def shown(browser):
+    with vr.view(SCENE, error=0.02, name="balls") as shown:
+        yield shown
+    for context in browser.contexts:
+        context.close()
+
+
+def client_of(shown):
+    """The newest browser, as the server knows it."""
+    return shown.live.clients[max(shown.live.clients)]
+
+
+def settled(page, client):
+    """Waits until the newest picture of a browser is as good as was asked for, and there."""
+    page.wait_for_timeout(500)
+    viewer = client.viewer
+    eventually(lambda: viewer.shown == viewer.wanted and viewer.picture.finished and client.sender.is_idle)
+    page.wait_for_timeout(300)
+
+
+def rendered(camera, size):
+    """What a camera sees, as on a screen."""
+    film = replace(SCENE.film, width=size[0], height=size[1])
+    return vr.render(replace(SCENE, camera=camera, film=film), spp=32).display().astype(float)
+
+
+def difference(a, b):
+    """Mean difference of two pictures, in levels of 255."""
+    return float(np.abs(a - b).mean())
+
+
+def test_the_picture_turns_under_the_mouse(browser, shown):
+    page = page_of(browser, shown.url, 480, 360)
+    client = client_of(shown)
+    assert client.at_home and "balls" in page.inner_text("body")
+    first = seen(page)
+    assert difference(first, rendered(SCENE.camera, (480, 360))) < 2
+    drag(page, (200, 250), (320, 270))
+    settled(page, client)
+    turned = seen(page)
+    assert not client.at_home
+    camera = client.camera
+    assert math.isclose(math.dist(camera.origin, camera.target), math.dist(SCENE.camera.origin, SCENE.camera.target))
+    np.testing.assert_allclose(camera.target, SCENE.camera.target, atol=1e-9)
+    assert difference(turned, first) > 10
+    assert difference(turned, rendered(camera, (480, 360))) < 2
+
+
+@pytest.mark.slow
+def test_the_wheel_zooms(browser, shown):
+    page = page_of(browser, shown.url)
+    client = client_of(shown)
+    page.mouse.move(200, 300)
+    page.mouse.wheel(0, -400)
+    settled(page, client)
+    far, near = (math.dist(c.origin, c.target) for c in (SCENE.camera, client.camera))
+    assert near < 0.95 * far and client.camera.fov == SCENE.camera.fov
+    assert difference(seen(page), rendered(client.camera, (640, 480))) < 2
+
+
+@pytest.mark.slow
+def test_keys_fly(browser, shown):
+    page = page_of(browser, shown.url)
+    client = client_of(shown)
+    page.mouse.click(320, 100)
+    page.keyboard.down("w")
+    page.wait_for_timeout(600)
+    page.keyboard.up("w")
+    page.wait_for_timeout(500)
+    moved = np.subtract(client.camera.origin, SCENE.camera.origin)
+    view = np.subtract(SCENE.camera.target, SCENE.camera.origin)
+    assert moved @ view > 0.2 * np.linalg.norm(view)
+
+
+@pytest.mark.slow
+def test_a_click_tells_the_story(browser, shown):
+    page = page_of(browser, shown.url, 1200, 700)
+    picked = []
+    shown.live.on_pick(picked.append)
+    page.get_by_role("tab", name="Pixel").click()
+    page.mouse.click(716, 380)
+    page.wait_for_selector("text=all numbers")
+    story = vr.why(replace(SCENE, film=replace(SCENE.film, width=1200, height=700)), 716, 380)
+    assert story.surfaces[0].object == "objects.right"
+    assert [p.address for p in picked] == ["objects.right"] and picked[0].pixel == (716, 380)
+    text = page.inner_text("body")
+    assert "objects.right" in text and "it is behind the surface" in text and "lights.key" in text
+    assert str(story).splitlines()[0] in page.text_content("body")
+    page.get_by_role("button", name="Focus here").click()
+    page.wait_for_selector("text=In focus")
+    eventually(lambda: shown.live.engine.scene.camera.focus)
+    camera = shown.live.engine.scene.camera
+    forward = np.subtract(camera.target, camera.origin) / math.dist(camera.target, camera.origin)
+    depth = np.subtract(story.surfaces[0].point, camera.origin) @ forward
+    assert math.isclose(camera.focus, depth, rel_tol=1e-6) and camera.aperture > 0
+    page.get_by_role("button", name="Turn around this point").click()
+    page.wait_for_timeout(1000)
+    np.testing.assert_allclose(client_of(shown).camera.target, story.surfaces[0].point, atol=1e-6)
+    np.testing.assert_allclose(client_of(shown).camera.origin, camera.origin, atol=1e-6)
+    # The background has no point.
+    page.mouse.click(500, 120)
+    page.wait_for_selector("text=the background")
+    assert not page.get_by_role("button", name="Focus here").is_visible()
+
+
+@pytest.mark.slow
+def test_two_browsers_and_one_that_leaves(browser, shown):
+    one, two = page_of(browser, shown.url), page_of(browser, shown.url, 400, 300)
+    first, second = (shown.live.clients[n] for n in sorted(shown.live.clients))
+    drag(one, (150, 250), (250, 260))
+    settled(one, first)
+    assert not first.at_home and second.at_home
+    assert difference(seen(two), rendered(SCENE.camera, (400, 300))) < 2
+    assert difference(seen(one), rendered(first.camera, (640, 480))) < 2
+    # It leaves while its picture turns.
+    one.mouse.move(200, 300)
+    one.mouse.down()
+    one.mouse.move(250, 300)
+    one.close()
+    drag(two, (150, 150), (200, 160))
+    settled(two, second)
+    assert list(shown.live.clients.values()) == [second] and shown.live.engine.viewers == [second.viewer]
+    assert difference(seen(two), rendered(second.camera, (400, 300))) < 2
+
+
+@pytest.mark.slow
+def test_handles_drag_what_was_clicked(browser, shown):
+    page = page_of(browser, shown.url, 1200, 700)
+    page.get_by_role("tab", name="Pixel").click()
+    page.mouse.click(716, 380)
+    page.wait_for_selector("text=all numbers")
+    page.get_by_text("Handles", exact=True).click()
+    page.wait_for_timeout(1500)
+    # The arrow along x begins right of the centre.
+    forward = np.subtract(SCENE.camera.target, SCENE.camera.origin) / math.dist(
+        SCENE.camera.target, SCENE.camera.origin
+    )
+    right = np.cross(forward, (0.0, 1.0, 0.0))
+    right /= np.linalg.norm(right)
+    away = np.subtract(SCENE.objects["right"].center, SCENE.camera.origin)
+    scale = 350 / math.tan(math.radians(SCENE.camera.fov) / 2) / (away @ forward)
+    x, y = 600 + scale * (away @ right), 350 - scale * (away @ np.cross(right, forward))
+    page.mouse.move(x + 50, y)
+    page.wait_for_timeout(500)
+    drag(page, (round(x + 50), round(y)), (round(x + 110), round(y)))
+    page.wait_for_timeout(1500)
+    center = shown.live.engine.scene.objects["right"].center
+    assert center[0] > 0.9 and center[1:] == pytest.approx((0.5, 1.0), abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_phone(browser, shown):
+    page = page_of(browser, shown.url, 390, 844)
+    camera = client_of(shown).viewer.wanted[0]
+    assert math.isclose(
+        math.tan(math.radians(camera.fov) / 2) * 390 / 844,
+        math.tan(math.radians(SCENE.camera.fov) / 2) * 64 / 48,
+    )
+    assert difference(seen(page), rendered(camera, (390, 844))) < 2

@@ -287,6 +287,23 @@ def test_controls_of_an_object_have_those_of_its_materials():
     assert controls.of_object("no ball", 30).controls == ()
 
 
+def test_of_csg_the_clicked_operand_comes_first_and_the_materials_are_shown():
+    balls = tuple(vr.Sphere(center=(float(i), 0.0, 0.0), material="red") for i in range(20))
+    scene = checked(vr.Scene(materials=MATERIALS, objects={"all": vr.Csg(op="union", of=balls, material="red")}))
+    found = Controls(scene).of_object("objects.all.of.7", 20)
+    addresses = [c.address for c in found.controls]
+    assert addresses[:2] == ["objects.all.of.7.center", "objects.all.of.7.radius"]
+    assert "materials.red.kd" in addresses and len(addresses) == 20
+    own = [a for a in Controls(scene).texts if a.startswith(("objects.all.", "materials.red."))]
+    assert found.more == len(own) - 20
+
+
+def test_controls_of_a_segment_of_a_line_are_those_of_its_row():
+    controls = Controls(rained())
+    assert controls.of_object("data.rain.2:0", 30) == controls.of_object("data.rain.2", 30)
+    assert controls.of_object("data.base", 30).controls[0].owner == "data.base"
+
+
 def test_controls_of_another_scene_have_its_values():
     controls = Controls(BALLS)
     assert len(controls)

@@ -55,7 +55,7 @@ class PanelPart:
     def focus_on(self, name: str) -> None:
         """Shows the controls of an object first. name: its name or its address; "" shows those of the whole scene."""
         with self._lock:
-            self._focus = name.removeprefix("objects.")
+            self._focus = name
             self.text.value = ""
             self.list()
 
@@ -98,7 +98,7 @@ class PanelPart:
         if self._focus:
             found = self.controls.of_object(self._focus, MOST)
             if found.controls:
-                return found, f"of {self._focus}, which was clicked"
+                return found, f"of {self._focus.removeprefix('objects.')}, which was clicked"
         return self.controls.relevant(MOST), "of the scene"
 
     def _show(self, controls: tuple[Control, ...]) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 
+from visray.data.all_objects import address_of
 from visray.data.rows import Rows
 from visray.live import data_controls, fields
 from visray.live.controls import Control, control, extent_of, is_code, is_read, name_of, placed
@@ -83,23 +84,30 @@ class Controls:
         tracks = {} if self.scene.animation is None else self.scene.animation.tracks
         return {a: name for name, x in tracks.items() if not x.needs_scene for a in x.addresses()}
 
-    def below(self, owner: str, limit: int) -> Found:
-        """The controls of an entry, such as objects.ball. limit: at most so many."""
-        return self._found([a for a in self.texts if f"{a}.".startswith(f"{owner}.")], limit)
-
     def of_object(self, name: str, limit: int) -> Found:
-        """The controls of an object and of its materials. name: of the object; those of data are data.base, or as
-        data.rain.12."""
-        owner = name if "." in name else f"objects.{name}"
+        """The controls of an object and of its materials. name: name or address of the object, such as ball,
+        objects.ball, data.base or data.rain.12; or address of an operand or a part of it, whose controls come first."""
+        address = name.partition(":")[0] if "." in name else f"objects.{name}"
+        section, *parts = address.split(".")
+        name = parts[0] if section == "objects" else address
         if name not in self.scene.all_objects:
             return Found((), 0)
         obj = self.scene.all_objects[name]
-        geometry = getattr(obj, "geometry", None)
-        owners = [owner, *([f"geometries.{geometry}"] if geometry else [])]
-        owners += [f"materials.{m}" for m in dict.fromkeys(self.scene.materials_of(obj))]
-        if owner.startswith("data."):
-            owners.insert(1, f"data.layers.{owner.split('.')[1]}")
-        return self._found([a for o in owners for a in self.texts if f"{a}.".startswith(f"{o}.")], limit)
+        own = self._below(address) | self._below(address_of(name))
+        around = {}
+        if (geometry := getattr(obj, "geometry", None)) is not None:
+            around |= self._below(f"geometries.{geometry}")
+        if section == "data" and parts[0] in self.scene.data.layers:
+            around |= self._below(f"data.layers.{parts[0]}")
+        for material in self.scene.materials_of(obj):
+            around |= self._below(f"materials.{material}")
+        # Of an object with very many numbers, such as CSG, the materials are shown, too.
+        first = own if len(own) <= limit // 2 else dict.fromkeys(list(own)[: limit // 2])
+        return self._found(list(first | around | own), limit)
+
+    def _below(self, owner: str) -> dict[str, None]:
+        """The addresses of controls at and below an address, in order."""
+        return {a: None for a in self.texts if within(a, owner)}
 
     def relevant(self, limit: int) -> Found:
         """The controls that a new scene shows: those that are changed most, at most so many."""

@@ -8,7 +8,7 @@ import numpy as np
 from visray.data.color_rule import ColorRule
 from visray.lights.light import Light
 from visray.live.fields import Field, Limits, field_at, limits, numbers_of
-from visray.live.ranges import ENDLESS, Range, range_around, range_of
+from visray.live.ranges import ENDLESS, Range, nice, range_around, range_of
 from visray.output.curves import curve, linear
 from visray.scene.scene import Scene
 
@@ -111,12 +111,15 @@ class Control:
         if type(self.value) is not tuple or self.kind == "range":
             return ()
         names = "rgb" if self.kind in ("color", "share") else AXES
+        # Light may be brighter than the picker can show.
+        high = nice(2 * self.scale) if self.kind == "color" else self.high
         return tuple(
             replace(
                 self,
                 address=f"{self.address}.{i}",
                 kind="number",
                 value=x,
+                high=high,
                 label=f"{self.label} {names[i]}",
                 hint=self.hint.replace(self.address, f"{self.address}.{i}", 1),
             )

@@ -23,6 +23,8 @@ RANKS = (
     ("radius", "center", "position", "direction", "color"),
 )
 LAST = len(RANKS) + 1
+# Numbers of the parts of vectors and of colours.
+AXES = {"x": 0, "y": 1, "z": 2, "r": 0, "g": 1, "b": 2}
 MEANINGS = {name: rank for rank, names in enumerate(RANKS) for name in names}
 
 
@@ -145,18 +147,21 @@ def _matters(material: Material, name: str) -> bool:
 
 def search(controls: Controls, text: str, limit: int) -> Found:
     """The controls whose addresses contain all words of a text, best first. Small and capital letters are the same. A
-    word may be the beginning or another piece of a part of the address; x, y and z are the parts of a vector.
+    word may be the beginning or another piece of a part of the address; x, y and z are the parts of a vector, and r, g
+    and b those of a colour.
 
     limit: at most so many.
     """
     wanted = text.lower().replace(".", " ").split()
-    axis = {"x": 0, "y": 1, "z": 2}.get(wanted[-1]) if len(wanted) > 1 else None
+    axis = AXES.get(wanted[-1]) if len(wanted) > 1 else None
     scores = _scores(controls, wanted)
     if scores or axis is None:
         return controls._found(sorted(scores, key=scores.get), limit)
     vectors = _scores(controls, wanted[:-1])
     found = controls._found(sorted(vectors, key=vectors.get), limit)
-    parts = tuple(c.parts[axis] for c in found.controls if c.parts and c.kind in ("vector", "direction"))
+    is_color = wanted[-1] in "rgb"
+    fitting = [c for c in found.controls if len(c.parts) > axis and (c.kind in ("color", "share")) == is_color]
+    parts = tuple(c.parts[axis] for c in fitting)
     return Found(parts, found.more)
 
 

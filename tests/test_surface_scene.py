@@ -87,6 +87,12 @@ def test_a_surface_without_special_places_has_a_clip_of_its_size(formula):
     assert clip_of(scene_of(formula)).center == (0, 0, 0) and 0.9 <= clip_of(scene_of(formula)).radius <= 4
 
 
+def test_degenerate_points_and_far_places_do_not_mislead():
+    # Its only singular point is so flat that searches end all around it; the other one has no end along its axes.
+    for formula in ("x^3 z + 10x^2 y + xy^2 + yz^2 = z^3", "x^4 y z = 10"):
+        assert 0.5 < clip_of(scene_of(formula)).radius < 10
+
+
 def test_a_surface_is_shown_alike_in_all_sizes():
     clips = [clip_of(scene_of(f"z = {k}(x^2 - y^2)")).radius * k for k in (0.01, 100)]
     np.testing.assert_allclose(clips, clip_of(scene_of("z = x^2 - y^2")).radius, rtol=0.3)

@@ -132,9 +132,7 @@ def _nothing(points: Points, sign: int, where: str) -> str | None:
             return f"it has no real points{where}: f is {side} {'there' if where else 'everywhere'}"
         case "thin":
             least = "at least 0" if sign > 0 else "at most 0"
-            return (
-                f"f is {least}{where or ' everywhere'}: f = 0 is at most curves or points, and no surface is to be seen"
-            )
+            return f"f is {least}{where or ' everywhere'}, so f = 0 is at most curves or points"
         case "unknown":
             return f"no surface was found{where}: f is {side} at all places that were looked at"
     return None

@@ -6,7 +6,14 @@ import numpy as np
 
 from visray.clip_report import directions
 from visray.surface_picture.field import Field
-from visray.surface_picture.points import distinct, found_points, special_points, surface_points, turning_points
+from visray.surface_picture.points import (
+    Special,
+    distinct,
+    found_points,
+    special_points,
+    surface_points,
+    turning_points,
+)
 
 # Spheres on which signs are compared: their number, how much larger each is than the one before, and places on each.
 SPHERES, PLACES = 48, 2000
@@ -24,6 +31,9 @@ ROOM = 2.6
 TURNED = 0.25
 # The clip is this much larger. If that is so in one of the first balls, all balls are alike.
 AROUND, ALIKE = 1.8, 5
+# Special points count at distances from the centre between these, in units of the distance of a middle point: nearer
+# ones are one degenerate point, and farther ones are places to which the surface only tends.
+NEAREST, FARTHEST_SPECIAL = 1e-5, 100.0
 # Points from which special points are looked for.
 STARTS = 500
 # How often the ball of a surface that ends is looked at for parts of it, and how much larger than the parts before.
@@ -109,23 +119,27 @@ def _heart_of_it(field: Field, points: np.ndarray, nearest: float) -> Whereabout
 
     points: some points of it. nearest: distance of the nearest of them.
     """
-    centre = np.zeros(3)
-    special = special_points(field, centre, _some(points))
-    near = np.concatenate([special.singular, special.turning])
-    if len(near):
-        more = surface_points(field, centre, 1.5 * _reach(near, centre))
-        special = special_points(field, centre, np.concatenate([near, _some(more), _some(points)]))
-        near = distinct(np.concatenate([special.singular, special.turning]))
+    centre, middle_one = np.zeros(3), float(np.median(np.linalg.norm(points, axis=1)))
+    near = _near(special_points(field, centre, _some(points)), centre, middle_one)
+    more = surface_points(field, centre, 1.5 * _reach(near, centre) if len(near) else middle_one)
+    special = special_points(field, centre, np.concatenate([near, _some(more), _some(points)]))
     kept = np.concatenate([special.singular, special.still])
     if len(kept):
         middle = 0.5 * (kept.min(0) + kept.max(0))
         if np.linalg.norm(middle) > 3 * np.linalg.norm(kept - middle, axis=1).max() + nearest / 3:
-            centre = middle
-            special = special_points(field, centre, _some(points) + centre)
-            near = np.concatenate([special.singular, special.turning])
+            centre, special = middle, special_points(field, middle, _some(points) + middle)
+    near = _near(special, centre, middle_one)
     degree = sum(f.degree for f in field.compiled.program.factors)
-    radius = (1 + ROOM / degree) * _reach(near, centre) if len(near) else 0.0
-    return Whereabouts(centre, radius if radius > 1e-6 * nearest else _bent(field, centre), False, points)
+    radius = (1 + ROOM / degree) * _reach(near, centre) if len(near) else _bent(field, centre)
+    return Whereabouts(centre, radius, False, points)
+
+
+def _near(special: Special, centre: np.ndarray, middle: float) -> np.ndarray:
+    """The special points of the surface that are neither at its centre nor very far away. middle: distance of a middle
+    point of the surface."""
+    found = distinct(np.concatenate([special.singular, special.turning]))
+    distance = np.linalg.norm(found - centre, axis=1)
+    return found[(distance > NEAREST * middle) & (distance < FARTHEST_SPECIAL * middle)]
 
 
 def _some(points: np.ndarray) -> np.ndarray:
@@ -147,7 +161,7 @@ def _bent(field: Field, centre: np.ndarray) -> float:
         if len(points):
             _, gradient = field.slope(points)
             length = np.linalg.norm(gradient, axis=0)
-            turned = 1 - np.linalg.norm((gradient[:, length > 0] / length[length > 0]).mean(1))
-            if turned > TURNED:
+            normals = gradient[:, length > 0] / length[length > 0]
+            if normals.shape[1] and 1 - np.linalg.norm(normals.mean(1)) > TURNED:
                 return AROUND * float(radius) if radius > radii[ALIKE] else 1.0
     return 1.0

@@ -4,6 +4,7 @@
     python reference/docs_pictures.py bowl everything    # only these files of scenes/
     python reference/docs_pictures.py barth-turn blur    # strips of animated scenes, and sharp beside blurred
     python reference/docs_pictures.py surfaces           # the contact sheet of the known surfaces
+    python reference/docs_pictures.py surface            # surfaces of formulas side by side
 
 The scene "everything" is the picture at the top of README.md.
 """
@@ -45,6 +46,9 @@ STRIPS = {
     "data-year": (0.0, 2.4, 4.8, 7.2, 9.6),
 }
 STRIP_SIZE, GAP = (240, 135), 4
+# Surfaces that are shown side by side: a formula, or the name of a known surface, and its parameters.
+FORMULAS = {"x^2 + y^2 - z^2 - a": {"a": 0.5}, "z = x^3 - 3xy^2": {}, "x²y² + y²z² + z²x² = 1": {}, "clebsch-cubic": {}}
+FORMULA_SIZE = (240, 240)
 # The frame that is shown sharp and blurred: scene, seconds, size, and frames per second.
 BLUR = "bouncing-balls", 0.98, (400, 225), 10.0
 # Scenes of pages that have a picture, by the name of the picture: the page, the number of the scene among those of the
@@ -112,7 +116,10 @@ def picture(name: str) -> None:
 def strip(name: str) -> None:
     """Renders frames of an animated scene side by side."""
     scene = vr.load(ROOT / "scenes" / f"{name}.json")
-    beside(name, list(vr.animate(scene, STRIPS[name], size=STRIP_SIZE, spp=100, layers=("RGB",), legend=False)))
+    beside(
+        f"animation-{name}",
+        list(vr.animate(scene, STRIPS[name], size=STRIP_SIZE, spp=100, layers=("RGB",), legend=False)),
+    )
 
 
 def blur() -> None:
@@ -121,7 +128,13 @@ def blur() -> None:
     scene = vr.replaced(vr.load(ROOT / "scenes" / f"{name}.json"), "animation.fps", fps)
     shutters = (None, vr.Shutter(close=1))
     scenes = [vr.replaced(scene, "camera.shutter", shutter) for shutter in shutters]
-    beside("blur", [vr.render(x, at=t, size=size, spp=256, layers=("RGB",)) for x in scenes])
+    beside("animation-blur", [vr.render(x, at=t, size=size, spp=256, layers=("RGB",)) for x in scenes])
+
+
+def formulas() -> None:
+    """Renders the surfaces of formulas side by side."""
+    scenes = [vr.surface_scene(formula, values, size=FORMULA_SIZE) for formula, values in FORMULAS.items()]
+    beside("surface", [vr.render(scene, spp=64, layers=("RGB",)) for scene in scenes])
 
 
 def surfaces() -> None:
@@ -132,8 +145,8 @@ def surfaces() -> None:
 
 
 def beside(name: str, images: list[vr.Image]) -> None:
-    """Writes pictures of one size beside each other to docs/animation-NAME.png."""
-    target = DOCS / f"animation-{name}.png"
+    """Writes pictures of one size beside each other to docs/NAME.png."""
+    target = DOCS / f"{name}.png"
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / f"{i}.png" for i in range(len(images))]
         for image, file in zip(images, files):
@@ -150,8 +163,8 @@ def beside(name: str, images: list[vr.Image]) -> None:
 if __name__ == "__main__":
     if len(sys.argv) == 1:
         scenes_of_pages()
-    for scene_name in sys.argv[1:] or (*GALLERY, *STRIPS, "blur", "surfaces"):
-        if scene_name in ("blur", "surfaces"):
-            {"blur": blur, "surfaces": surfaces}[scene_name]()
+    for scene_name in sys.argv[1:] or (*GALLERY, *STRIPS, "blur", "surface", "surfaces"):
+        if own := {"blur": blur, "surface": formulas, "surfaces": surfaces}.get(scene_name):
+            own()
         else:
             (strip if scene_name in STRIPS else picture)(scene_name)

@@ -92,7 +92,7 @@ def test_costs_are_measured_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     assert cost.share.middle == pytest.approx(0.2) and cost.along == ()
     assert measurement.costs["area lights"].seconds.in_noise
     assert measurement.total.middle == pytest.approx(1e-6 * pixels)
-    # 9 differences for each effect, and two trials.
+    # So many differences for each effect, and two trials.
     assert len(ran) == 2 + len(measurement.costs) * (2 * measuring.RUNS + 1)
 
 
@@ -107,11 +107,15 @@ def test_what_refines_an_effect_is_left_out_along_with_it(monkeypatch: pytest.Mo
 
 def test_a_cost_says_its_noise() -> None:
     clear = EffectCost(Spread(0.0021, 0.0018, 0.0024), Spread(0.14, 0.12, 0.16))
-    assert clear.text() == "2.10 ± 0.30 ms, 14 % of the picture"
+    assert clear.text() == "2.1 ms (1.8 to 2.4), 14 % of the picture"
     noise = EffectCost(Spread(0.0001, -0.0004, 0.0002), Spread(0.01, -0.04, 0.02))
-    assert noise.text() == "in the noise: < 0.40 ms, 4.0 % of the picture at most"
+    assert noise.text() == "in the noise, < 0.4 ms, < 4.0 %"
     large = EffectCost(Spread(0.125, 0.11, 0.14), Spread(0.5, 0.4, 0.6))
-    assert large.text() == "125 ± 15 ms, 50 % of the picture"
+    assert large.text() == "125 ms (110 to 140), 50 % of the picture"
+    wide = EffectCost(Spread(0.1, -0.2, 0.9), Spread(0.2, -0.4, 1.8))
+    assert wide.text() == "in the noise, < 900 ms"
+    uneven = EffectCost(Spread(0.103, 0.1028, 0.283), Spread(0.2, 0.19, 0.5))
+    assert uneven.text() == "103.0 ms (102.8 to 283.0), 20 % of the picture"
 
 
 def test_a_page_switches_effects() -> None:

@@ -193,9 +193,7 @@ def state_text(measurement: Measurement | None, is_running: bool, is_stale: bool
         return ""
     took = f"One sample of each of {size} pixels took {1e3 * measurement.total.middle:.3g} ms"
     stale = " before the last change of the scene" if is_stale else ""
-    return _small(
-        escaped(f"{took}{stale}. Medians of the time of kernels; ± reaches to the ends of their 99 % intervals.")
-    )
+    return _small(escaped(f"{took}{stale}. Medians of the time of kernels, with 99 % intervals."))
 
 
 def _small(text: str) -> str:

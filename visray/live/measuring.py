@@ -12,13 +12,14 @@ from statistics import median
 from visray.setup import Prepared
 from visray.study.alternation import Alternation
 from visray.study.leaving_out import less
-from visray.study.spread import FEWEST_RUNS, Spread
+from visray.study.spread import Spread
 from visray.study.timed_picture import LONGEST_SIDE, TimedPicture, reduced_size
 
 # Seconds that the kernel of a small picture should run, and samples per pixel that it has at most.
 RENDER_SECONDS, MOST_SAMPLES = 0.05, 16
-# Number of differences that are measured for each effect.
-RUNS = max(FEWEST_RUNS, 9)
+# Number of differences that are measured for each effect: the fewest of which the bounds of a Spread leave out the
+# least and the largest, which other work of the machine may have made.
+RUNS = 12
 # Pixels of the longer side in the first trial, and how much larger than a trial a picture may be: a short time says
 # little about a long one.
 FIRST_SIDE, GROWTH = 24, 64
@@ -38,10 +39,10 @@ class EffectCost:
     along: tuple[str, ...] = ()
 
     def text(self) -> str:
-        """Text such as `2.1 ± 0.3 ms, 14 % of the picture`."""
+        """Text such as `2.1 ms (1.8 to 2.5), 14 % of the picture`."""
         if self.seconds.in_noise:
             most = max(-self.share.low, self.share.high)
-            return f"in the noise: {milliseconds(self.seconds)}, {_percent(most)} of the picture at most"
+            return f"in the noise, {milliseconds(self.seconds)}" + (f", < {_percent(most)}" if most < 1 else "")
         return f"{milliseconds(self.seconds)}, {_percent(self.share.middle)} of the picture"
 
 
@@ -128,13 +129,13 @@ def milliseconds(spread: Spread) -> str:
     low, middle, high = (1e3 * x for x in (spread.low, spread.middle, spread.high))
     if spread.in_noise:
         return f"< {_digits(max(-low, high), max(-low, high))} ms"
-    error = max(high - middle, middle - low)
-    return f"{_digits(middle, error)} ± {_digits(error, error)} ms"
+    error = min(high - middle, middle - low)
+    return f"{_digits(middle, error)} ms ({_digits(low, error)} to {_digits(high, error)})"
 
 
 def _digits(number: float, error: float) -> str:
     """A number with as many digits as its error allows."""
-    return f"{number:.0f}" if error >= 9.5 else f"{number:.1f}" if error >= 0.95 else f"{number:.2f}"
+    return f"{number:.0f}" if error >= 2 else f"{number:.1f}" if error >= 0.2 else f"{number:.2f}"
 
 
 def _percent(share: float) -> str:

@@ -306,6 +306,23 @@ def test_two_browsers_agree(panel):
             page.get_by_text(f"material {TAG}").wait_for()
 
 
+def test_a_number_of_a_row(panel_of):
+    layer = vr.DataLayer(source=TABLE, value="rain", gizmo="cylinder", radius=0.1)
+    panel = panel_of(checked(vr.Scene(data=vr.Data(layers={"rain": layer}))))
+    panel.focus_on("data.rain.1")
+    height = next(w for w in panel.widgets if w.control.address == "data.rain.1.height")
+    height.handle.value = 2.5
+    panel.engine.assign({"data.rain.2.height": 1.5})
+    assert until(lambda: now(panel, "data.rain.1.height") == 2.5 and now(panel, "data.rain.2.height") == 1.5)
+    assert until(lambda: height._button is not None and height._button.visible)
+    height._button.value = True
+    # The other row keeps its number.
+    assert until(lambda: now(panel, "data.rain.1.height") == 1.0)
+    assert now(panel, "data.rain.2.height") == 1.5
+    panel.back.value = True
+    assert until(lambda: now(panel, "data.rain.2.height") == 2.0 and not panel.back.visible)
+
+
 def test_what_the_file_says():
     assert back(SCENE, "objects.ball.radius") == ("objects.ball.radius", 0.7)
     assert back(SCENE, "objects.ball.material.no") == ("objects.ball.material", "red")

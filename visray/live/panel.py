@@ -15,9 +15,9 @@ from visray.live.playing import Playing
 from visray.live.search import Controls, Found, search
 from visray.live.tabs import tab
 from visray.live.widgets import ControlWidget, short
-from visray.scene.address import parse_assignment
+from visray.scene.address import parse_assignment, value
 from visray.scene.animation_values import track_values
-from visray.scene.edits import within
+from visray.scene.edits import is_below_layer, within
 from visray.scene.scene import Scene
 
 # Most controls that are shown at once.
@@ -132,10 +132,10 @@ class PanelPart:
 
     def _assign_text(self) -> None:
         """Assigns what is written in the search box."""
-        address, value = parse_assignment(self.text.value)
+        assignment = parse_assignment(self.text.value)
         with self._lock:
             self._last = None
-            self.engine.assign({address: value})
+            self.engine.assign(dict([assignment]))
 
     def changed(self, change: Change) -> None:
         """The scene has changed: shows its values."""
@@ -152,7 +152,7 @@ class PanelPart:
                 self.controls = self.controls.with_scene(scene)
                 self._show_values(change.addresses)
             self.playing.changed()
-            self.back.visible = bool(self.engine.edits)
+            self.back.visible = any(back(self.file, a) != back(scene, a) for a in self.engine.edits)
 
     def _show_values(self, addresses: tuple[str, ...]) -> None:
         """Shows the values at some addresses of the scene, unless newer ones are on their way, and those that tracks
@@ -197,10 +197,11 @@ def form(control: Control) -> tuple:
 
 
 def back(file: Scene, address: str) -> tuple[str, Any]:
-    """An address, and the value that the file has there; if the file has no such address, those of what contains it."""
-    while "." in address and (found := field_at(file, address)) is None:
+    """An address, and the value that a scene has there; if it has no such address, those of what contains it."""
+    if is_below_layer(file, address):
+        return address, value(file, address)
+    while (found := field_at(file, address)) is None:
         address = address.rpartition(".")[0]
-    found = field_at(file, address)
     return address, found.value
 
 

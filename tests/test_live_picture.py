@@ -220,3 +220,18 @@ def test_a_black_picture_is_finished_too(base):
     assert last.finished
     assert last.error is None
     assert not last.rgb.any()
+
+
+def test_a_legend_is_drawn_at_rest(monkeypatch):
+    pytest.importorskip("matplotlib")
+    table = {"lon": [0.0, 20.0, 40.0], "lat": [10.0, 20.0, 30.0], "size": [1.0, 2.0, 3.0]}
+    scene = vr.data_scene(table, height="size", title="Sizes", size=(320, 240))
+    prepared = seen(prepare(adjusted(scene, sampler="sobol")), None, (320, 240), True)
+    monkeypatch.setattr("visray.live.picture.LEGEND", 0.0)
+    picture = LivePicture(prepared, 1e-9, Pace())
+    frame = next(f for f in states(picture) if f.grain == 1 and f.share == 1)
+    image = vr.render(adjusted(prepared.scene, spp=round(frame.samples)), progress=False)
+    legend = image["legend"]
+    clear, shown = legend[..., 3] == 0, displayed(image["RGB"])
+    assert (frame.rgb[clear] == shown[clear]).mean() > 0.999
+    assert (frame.rgb[~clear] != shown[~clear]).any(-1).mean() > 0.5

@@ -14,9 +14,11 @@ import numpy as np
 
 from visray import clock
 from visray.film import Film
+from visray.legend.layer import has_legend
 from visray.live.closeness import Closeness, error_of
 from visray.live.frame import Frame
 from visray.live.grids import Grid, grains, grid, parts_of
+from visray.live.over import LegendOver, preload
 from visray.live.pace import Pace
 from visray.live.replay import Replays
 from visray.live.screen import Screen
@@ -31,6 +33,8 @@ FIRST, SHARE, SHORTEST, LONGEST = 0.07, 0.3, 0.05, 0.15
 STEADY = 1.35
 # The picture is not finished with fewer samples of a pixel, and a pixel takes no more of them, whatever the error is.
 LEAST_SAMPLES, MOST_SAMPLES = 16, 4096
+# Seconds after a change from which on the legend is drawn, which takes longer than a step.
+LEGEND = 0.6
 # Seconds of a sweep over all pixels from which on users are told that the scene takes long.
 LONG = 4.0
 
@@ -76,6 +80,9 @@ class LivePicture:
         self._done = self._goal = 0
         self._born = clock.now()
         self._whole: Grid | None = None
+        self._legend: LegendOver | None = None
+        if has_legend(prepared.scene):
+            preload()
 
     @property
     def film(self) -> Film:
@@ -203,6 +210,14 @@ class LivePicture:
         note, passing = "", len(grid(self.prepared.a, *self.size, 1)) * (self.pace.per_sample or 0.0)
         if passing > LONG:
             note = f"a sample of each pixel takes about {passing:.0f} s"
-        return Frame(
-            self.screen.rgb(), self.size, whole.grain, samples, self.error, self.finished, share=share, note=note
-        )
+        rgb = self._with_legend(self.screen.rgb())
+        return Frame(rgb, self.size, whole.grain, samples, self.error, self.finished, share=share, note=note)
+
+    def _with_legend(self, rgb: np.ndarray) -> np.ndarray:
+        """The colours with the legend of the scene, once the picture is at rest."""
+        rests = self.finished or clock.now() - self._born > LEGEND
+        if self._whole.grain > 1 or not self.parts[-1].count or not has_legend(self.prepared.scene):
+            return rgb
+        if self._legend is None and rests and not self._todo:
+            self._legend = LegendOver(self.prepared.scene, rgb)
+        return rgb if self._legend is None else self._legend.over(rgb)

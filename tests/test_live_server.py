@@ -193,7 +193,7 @@ def frame(**more):
 
 
 def test_what_the_line_says():
-    assert "squares of 2 x 2 pixels" in text_of(frame())
+    assert "coarse: squares of 2 x 2 pixels" in text_of(frame())
     fine = {"grain": 1, "samples": 24.0}
     assert "error 1.3 %" in text_of(frame(**fine, error=0.0131)) and "24 samples" in text_of(frame(**fine))
     assert "✓ error 0.99 %" in text_of(frame(**fine, error=0.0099, finished=True))
@@ -308,6 +308,10 @@ def opened(shown):
 
     def opened(**more):
         pages.append(Page(shown.url, **more))
+        if not more.get("origin"):
+            # As a page does when it has opened.
+            home = pose_of(shown.live.engine.scene.camera, shown.live.space)
+            pages[-1].look(home.position, home.look_at)
         return pages[-1]
 
     yield opened
@@ -342,6 +346,20 @@ def test_the_pose_of_a_page_is_that_of_its_picture(shown, opened):
     page.look(*(lambda p: (p.position, p.look_at))(pose_of(BALL.camera, space)))
     eventually(lambda: client.at_home)
     assert client.camera is shown.live.engine.scene.camera
+
+
+def test_poses_of_a_page_that_opens_are_not_followed(shown):
+    page = Page(shown.url)
+    page.look(position=(3.0, 3.0, 3.0))
+    client = newest(shown)
+    page.look(position=(-5.0, 0.0, 0.0))
+    eventually(lambda: client.viewer.picture is not None)
+    assert client.at_home and client.camera is shown.live.engine.scene.camera
+    for step in range(10):
+        page.look(position=(3.0, 3.0 + step, 3.0))
+    eventually(lambda: not client.at_home)
+    page.close()
+    eventually(lambda: not shown.live.clients)
 
 
 def test_a_page_that_leaves_and_one_that_does_not_read(shown, opened, monkeypatch):

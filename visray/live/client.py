@@ -18,6 +18,8 @@ MOST_PIXELS = 2_200_000
 PLACE = ("origin", "target", "up", "height", "type")
 # Number of poses that a browser was sent and may still report.
 REMEMBERED = 64
+# A page that opens reports poses of its own before it is where the scene's camera is: at most this many.
+STRAY = 4
 
 
 def picture_size(window: tuple[int, int]) -> tuple[int, int]:
@@ -54,6 +56,8 @@ class Client:
         self._pose: Pose | None = None  # None: where the scene's camera is
         self._sent = deque([pose_of(self.base, live.space)], maxlen=REMEMBERED)
         self._fov: float | None = None
+        self._strays: list[Pose] = []  # poses reported before it was at home for the first time
+        self._arrived = False
         self._lock = threading.RLock()
         self.sender = Sender(shower(handle))
         self.viewer = Viewer(self._show, picture_size(self.window), self.base)
@@ -71,7 +75,9 @@ class Client:
             self.window = window
             # While nobody has moved it, it reports the poses that it was sent, some of them late.
             known = list(self._sent) if self.at_home else [pose_of(self.base, self.live.space)]
-            self._pose = None if any(pose.is_same(p) for p in known) else pose
+            is_home = any(pose.is_same(p) for p in known)
+            self._arrived = self._arrived or is_home or not self._is_stray(pose)
+            self._pose = None if is_home or not self._arrived else pose
             self._follow()
 
     def rebased(self, change: Change) -> None:
@@ -112,6 +118,12 @@ class Client:
         """The browser has left."""
         self.sender.close()
         self.live.engine.remove(self.viewer)
+
+    def _is_stray(self, pose: Pose) -> bool:
+        """Whether a pose may be one of those that a page has while it opens, and not yet one of a hand at the mouse."""
+        if not any(pose.is_same(p) for p in self._strays):
+            self._strays.append(pose)
+        return len(self._strays) <= STRAY
 
     def _place(self, pose: Pose) -> None:
         """Moves the camera in the browser."""

@@ -1,5 +1,6 @@
 """The server of the live picture: viser's, which shows a page, with the pictures that the engine renders."""
 
+import json
 import math
 import threading
 import warnings
@@ -7,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from visray import terminal
 from visray.errors import UserError
 from visray.live import guard, parts
 from visray.live.client import Client, camera_of_scene
@@ -55,7 +57,7 @@ def serve(
         raise UserError(f"--port = {port}: another program has just taken it; try again")
     live = Live(engine, server, name, Space.around(camera_of_scene(engine)), file, list(command), load)
     _refuse_others(server, host)
-    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+    _dress(server, name)
     _set_home(live)
     engine.on_scene(lambda change: _scene_changed(live, change))
     engine.on_error(lambda lines: live.say_errors("scene", lines))
@@ -98,6 +100,16 @@ def stop(live: Live) -> bool:
     thread.start()
     thread.join(PATIENCE)
     return not thread.is_alive()
+
+
+def _dress(server: Any, name: str) -> None:
+    """What the page looks like. On phones viser puts the panel below the picture."""
+    from viser._messages import RunJavascriptMessage
+
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+    server.gui.main_panel.dock_right()
+    title = json.dumps(f"{terminal.printable(name)} - visray")
+    server._websock_server.queue_message(RunJavascriptMessage(source=f"document.title = {title}"))
 
 
 def _look(client: Client, camera: Any) -> None:

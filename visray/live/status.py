@@ -1,8 +1,9 @@
 """What is above the tabs: how good the picture is, and what is wrong."""
 
+from dataclasses import dataclass
 from typing import Any
 
-from visray import clock
+from visray import clock, terminal
 from visray.live.client import Client
 from visray.live.frame import Frame
 from visray.live.live import Live, escaped
@@ -12,44 +13,62 @@ PAUSE = 0.15
 GREY = "opacity:0.65"
 
 
+@dataclass(eq=False)
+class _Line:
+    """The line of one browser.
+
+    text: what it says of the picture, as HTML
+    label: what stands in the title of the panel
+    """
+
+    client: Client
+    widget: Any
+    text: str = ""
+    label: str = ""
+    grain: int = 0
+    shown_at: float = -PAUSE
+
+
 class StatusPart:
     """A line for each browser about its picture, and the errors of the scene for all of them."""
 
     def __init__(self, live: Live):
         self.live = live
-        self.lines: dict[int, Any] = {}
-        self.shown_at: dict[int, float] = {}
-        self.grains: dict[int, int] = {}
+        self.lines: dict[int, _Line] = {}
         self.errors = live.server.gui.add_html("", order=-20, visible=False)
         live.on_client(self.came)
-        live.on_leave(self.left)
+        live.on_leave(lambda client: self.lines.pop(client.number, None))
         live.on_frame(self.frame)
         live.on_errors(self.told)
+        if hasattr(live.engine, "on_busy"):
+            live.engine.on_busy(self.busy)
 
     def came(self, client: Client) -> None:
         """A browser has come."""
-        self.lines[client.number] = client.handle.gui.add_html(waiting("preparing the scene"), order=-10)
-
-    def left(self, client: Client) -> None:
-        """A browser has left."""
-        for known in (self.lines, self.shown_at, self.grains):
-            known.pop(client.number, None)
+        self.lines[client.number] = _Line(client, client.handle.gui.add_html(waiting("preparing the scene"), order=-10))
 
     def frame(self, client: Client, frame: Frame) -> None:
         """A browser's picture has a new state."""
-        line, now, number = self.lines.get(client.number), clock.now(), client.number
+        line, now = self.lines.get(client.number), clock.now()
         if line is None:
             return
-        soon = now - self.shown_at.get(number, -PAUSE) < PAUSE and self.grains.get(number) == frame.grain
-        if soon and not frame.finished:
+        if now - line.shown_at < PAUSE and line.grain == frame.grain and not frame.finished:
             return
-        self.shown_at[number], self.grains[number] = now, frame.grain
-        line.content = text_of(frame)
+        line.shown_at, line.grain, line.text = now, frame.grain, text_of(frame)
+        line.widget.content = line.text
+        self.name(line, brief(frame))
+
+    def name(self, line: "_Line", state: str) -> None:
+        """Shows the state beside the name of the scene, where it is seen although the panel is closed."""
+        label = f"{self.live.name}{state}"
+        if label != line.label:
+            line.label = label
+            line.client.handle.gui.set_panel_label(terminal.printable(label))
 
     def busy(self, text: str | None) -> None:
         """The engine does something that takes long, such as compiling. None: it is done."""
-        for line in list(self.lines.values()) if text else ():
-            line.content = waiting(text)
+        for line in list(self.lines.values()):
+            line.widget.content = waiting(text) if text else line.text
 
     def told(self, errors: dict[str, tuple[str, ...]]) -> None:
         """The errors have changed."""
@@ -60,12 +79,21 @@ class StatusPart:
 
 def text_of(frame: Frame) -> str:
     """The line about a state, as HTML."""
-    size = f"{frame.size[0]} x {frame.size[1]}"
+    more = [
+        f"{frame.size[0]} x {frame.size[1]}",
+        f"{frame.seconds:.2g} s",
+        *([frame.note] if getattr(frame, "note", "") else []),
+    ]
     if frame.grain > 1:
-        return _line(f"squares of {frame.grain} x {frame.grain} pixels", f"{size}, {frame.seconds:.2g} s")
+        return _line(f"coarse: squares of {frame.grain} x {frame.grain} pixels", ", ".join(more))
     samples = f"{frame.samples:.3g} sample{'' if frame.samples == 1 else 's'} a pixel"
     error = "error not known yet" if frame.error is None else f"error {percent(frame.error)}"
-    return _line(("✓ " if frame.finished else "") + error, f"{samples}, {size}, {frame.seconds:.2g} s")
+    return _line(("✓ " if frame.finished else "") + error, ", ".join([samples, *more]))
+
+
+def brief(frame: Frame) -> str:
+    """A state in a few letters; "" while it is coarse."""
+    return "" if frame.error is None else f" · {'✓ ' if frame.finished else ''}{percent(frame.error)}"
 
 
 def percent(share: float) -> str:

@@ -44,11 +44,14 @@ def finished(page: Any) -> None:
     page.wait_for_selector("text=✓ error")
 
 
-def seen(page: Any) -> np.ndarray:
-    """What a page shows, without notices and the panel. Shape: (h, w, 3)."""
+def seen(page: Any, size: tuple[int, int]) -> np.ndarray:
+    """The picture that a page shows, without notices and the panel. Shape: (h, w, 3).
+
+    size: width and height of the picture
+    """
     hide = "[class*=Notifications], [class*=mantine-Paper] {visibility: hidden !important}"
     shot = page.screenshot(style=hide)
-    return np.array(Image.open(io.BytesIO(shot)).convert("RGB"), float)
+    return np.array(Image.open(io.BytesIO(shot)).convert("RGB"), float)[: size[1], : size[0]]
 
 
 def drag(page: Any, start: tuple[int, int], end: tuple[int, int]) -> None:

@@ -58,8 +58,20 @@ def settled(page, client):
     page.wait_for_timeout(300)
 
 
-def rendered(camera, size):
-    """What a camera sees, as on a screen."""
+def screen(client, point):
+    """Where a browser shows a point of the scene, in pixels from the top left."""
+    camera, (width, height) = client.viewer.wanted
+    forward = np.subtract(camera.target, camera.origin) / math.dist(camera.target, camera.origin)
+    right = np.cross(forward, camera.up)
+    right /= np.linalg.norm(right)
+    away = np.subtract(point, camera.origin)
+    scale = height / 2 / math.tan(math.radians(camera.fov) / 2) / (away @ forward)
+    return round(width / 2 + scale * (away @ right)), round(height / 2 - scale * (away @ np.cross(right, forward)))
+
+
+def rendered(client):
+    """What a browser should show: its camera, widened to its window."""
+    camera, size = client.viewer.wanted
     film = replace(SCENE.film, width=size[0], height=size[1])
     return vr.render(replace(SCENE, camera=camera, film=film), spp=32).display().astype(float)
 
@@ -72,35 +84,36 @@ def difference(a, b):
 def test_the_picture_turns_under_the_mouse(browser, shown):
     page = page_of(browser, shown.url, 480, 360)
     client = client_of(shown)
+    settled(page, client)
     assert client.at_home and "balls" in page.inner_text("body")
-    first = seen(page)
-    assert difference(first, rendered(SCENE.camera, (480, 360))) < 2
+    first = seen(page, client.window)
+    assert difference(first, rendered(client)) < 2
     drag(page, (200, 250), (320, 270))
     settled(page, client)
-    turned = seen(page)
+    turned = seen(page, client.window)
     assert not client.at_home
     camera = client.camera
     assert math.isclose(math.dist(camera.origin, camera.target), math.dist(SCENE.camera.origin, SCENE.camera.target))
     np.testing.assert_allclose(camera.target, SCENE.camera.target, atol=1e-9)
     assert difference(turned, first) > 10
-    assert difference(turned, rendered(camera, (480, 360))) < 2
+    assert difference(turned, rendered(client)) < 2
 
 
 @pytest.mark.slow
 def test_the_wheel_zooms(browser, shown):
-    page = page_of(browser, shown.url)
+    page = page_of(browser, shown.url, 800, 480)
     client = client_of(shown)
     page.mouse.move(200, 300)
     page.mouse.wheel(0, -400)
     settled(page, client)
     far, near = (math.dist(c.origin, c.target) for c in (SCENE.camera, client.camera))
     assert near < 0.95 * far and client.camera.fov == SCENE.camera.fov
-    assert difference(seen(page), rendered(client.camera, (640, 480))) < 2
+    assert difference(seen(page, client.window), rendered(client)) < 2
 
 
 @pytest.mark.slow
 def test_keys_fly(browser, shown):
-    page = page_of(browser, shown.url)
+    page = page_of(browser, shown.url, 800, 480)
     client = client_of(shown)
     page.mouse.click(320, 100)
     page.keyboard.down("w")
@@ -114,15 +127,18 @@ def test_keys_fly(browser, shown):
 
 @pytest.mark.slow
 def test_a_click_tells_the_story(browser, shown):
-    page = page_of(browser, shown.url, 1200, 700)
-    picked = []
+    page = page_of(browser, shown.url, 1000, 600)
+    client, picked = client_of(shown), []
     shown.live.on_pick(picked.append)
     page.get_by_role("tab", name="Pixel").click()
-    page.mouse.click(716, 380)
+    x, y = screen(client, SCENE.objects["right"].center)
+    page.mouse.click(x, y)
     page.wait_for_selector("text=all numbers")
-    story = vr.why(replace(SCENE, film=replace(SCENE.film, width=1200, height=700)), 716, 380)
+    camera, (width, height) = client.viewer.wanted
+    film = replace(SCENE.film, width=width, height=height)
+    story = vr.why(replace(SCENE, film=film, camera=camera), x, y)
     assert story.surfaces[0].object == "objects.right"
-    assert [p.address for p in picked] == ["objects.right"] and picked[0].pixel == (716, 380)
+    assert [p.address for p in picked] == ["objects.right"] and picked[0].pixel == (x, y)
     text = page.inner_text("body")
     assert "objects.right" in text and "it is behind the surface" in text and "lights.key" in text
     assert str(story).splitlines()[0] in page.text_content("body")
@@ -138,20 +154,21 @@ def test_a_click_tells_the_story(browser, shown):
     np.testing.assert_allclose(client_of(shown).camera.target, story.surfaces[0].point, atol=1e-6)
     np.testing.assert_allclose(client_of(shown).camera.origin, camera.origin, atol=1e-6)
     # The background has no point.
-    page.mouse.click(500, 120)
+    page.mouse.click(500, 60)
     page.wait_for_selector("text=the background")
     assert not page.get_by_role("button", name="Focus here").is_visible()
 
 
 @pytest.mark.slow
 def test_two_browsers_and_one_that_leaves(browser, shown):
-    one, two = page_of(browser, shown.url), page_of(browser, shown.url, 400, 300)
+    one, two = page_of(browser, shown.url, 800, 480), page_of(browser, shown.url, 400, 300)
     first, second = (shown.live.clients[n] for n in sorted(shown.live.clients))
+    settled(two, second)
     drag(one, (150, 250), (250, 260))
     settled(one, first)
     assert not first.at_home and second.at_home
-    assert difference(seen(two), rendered(SCENE.camera, (400, 300))) < 2
-    assert difference(seen(one), rendered(first.camera, (640, 480))) < 2
+    assert difference(seen(two, second.window), rendered(second)) < 2
+    assert difference(seen(one, first.window), rendered(first)) < 2
     # It leaves while its picture turns.
     one.mouse.move(200, 300)
     one.mouse.down()
@@ -160,29 +177,23 @@ def test_two_browsers_and_one_that_leaves(browser, shown):
     drag(two, (150, 150), (200, 160))
     settled(two, second)
     assert list(shown.live.clients.values()) == [second] and shown.live.engine.viewers == [second.viewer]
-    assert difference(seen(two), rendered(second.camera, (400, 300))) < 2
+    assert difference(seen(two, second.window), rendered(second)) < 2
 
 
 @pytest.mark.slow
 def test_handles_drag_what_was_clicked(browser, shown):
-    page = page_of(browser, shown.url, 1200, 700)
+    page = page_of(browser, shown.url, 1000, 600)
+    client = client_of(shown)
     page.get_by_role("tab", name="Pixel").click()
-    page.mouse.click(716, 380)
+    x, y = screen(client, SCENE.objects["right"].center)
+    page.mouse.click(x, y)
     page.wait_for_selector("text=all numbers")
     page.get_by_text("Handles", exact=True).click()
     page.wait_for_timeout(1500)
-    # The arrow along x begins right of the centre.
-    forward = np.subtract(SCENE.camera.target, SCENE.camera.origin) / math.dist(
-        SCENE.camera.target, SCENE.camera.origin
-    )
-    right = np.cross(forward, (0.0, 1.0, 0.0))
-    right /= np.linalg.norm(right)
-    away = np.subtract(SCENE.objects["right"].center, SCENE.camera.origin)
-    scale = 350 / math.tan(math.radians(SCENE.camera.fov) / 2) / (away @ forward)
-    x, y = 600 + scale * (away @ right), 350 - scale * (away @ np.cross(right, forward))
+    # The arrow along x.
     page.mouse.move(x + 50, y)
     page.wait_for_timeout(500)
-    drag(page, (round(x + 50), round(y)), (round(x + 110), round(y)))
+    drag(page, (x + 50, y), (x + 110, y))
     page.wait_for_timeout(1500)
     center = shown.live.engine.scene.objects["right"].center
     assert center[0] > 0.9 and center[1:] == pytest.approx((0.5, 1.0), abs=1e-6)
@@ -191,9 +202,11 @@ def test_handles_drag_what_was_clicked(browser, shown):
 @pytest.mark.slow
 def test_a_phone(browser, shown):
     page = page_of(browser, shown.url, 390, 844)
-    camera = client_of(shown).viewer.wanted[0]
+    client = client_of(shown)
+    settled(page, client)
+    camera = client.viewer.wanted[0]
     assert math.isclose(
         math.tan(math.radians(camera.fov) / 2) * 390 / 844,
         math.tan(math.radians(SCENE.camera.fov) / 2) * 64 / 48,
     )
-    assert difference(seen(page), rendered(camera, (390, 844))) < 2
+    assert difference(seen(page, client.window), rendered(client)) < 2

@@ -40,8 +40,7 @@ class StatusPart:
         live.on_leave(lambda client: self.lines.pop(client.number, None))
         live.on_frame(self.frame)
         live.on_errors(self.told)
-        if hasattr(live.engine, "on_busy"):
-            live.engine.on_busy(self.busy)
+        live.engine.on_busy(self.busy)
 
     def came(self, client: Client) -> None:
         """A browser has come."""
@@ -82,7 +81,7 @@ def text_of(frame: Frame) -> str:
     more = [
         f"{frame.size[0]} x {frame.size[1]}",
         f"{frame.seconds:.2g} s",
-        *([frame.note] if getattr(frame, "note", "") else []),
+        *([frame.note] if frame.note else []),
     ]
     if frame.grain > 1:
         return _line(f"coarse: squares of {frame.grain} x {frame.grain} pixels", ", ".join(more))

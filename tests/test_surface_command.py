@@ -88,3 +88,23 @@ def test_bad_input_gets_one_line(case, capsys):
     assert code == 2 and out == "" and len(err.splitlines()) == 1
     assert err.startswith(f"visray: {text}")
     assert list(Path().iterdir()) == []
+
+
+def test_a_live_picture_is_that_of_the_same_scene(capsys, monkeypatch):
+    seen = {}
+
+    def shown(load, **options):
+        seen.update(options, scene=load())
+        return 0
+
+    monkeypatch.setattr("visray.cli.surface.show_live", shown)
+    words = ("x^2 + y^2 - z^2 - a", "--param", "a=0.5", "--set", "lights.key.samples=1", "--clip", "2")
+    assert said(capsys, *words, "--view", "--port", "9000", "--no-browser", "--error", "2%")[0] == 0
+    expected = vr.surface_scene("x^2 + y^2 - z^2 - a", {"a": 0.5}, clip=2)
+    assert seen["scene"] == vr.replaced(expected, "lights.key.samples", 1)
+    assert seen["port"] == 9000 and seen["error"] == 0.02 and seen["browser"] is False and seen["file"] is None
+    assert seen["command"] == ["visray", "surface", *words]
+    # A scene that is saved is watched.
+    assert said(capsys, "heart", "--view", "--save", "heart.json")[0] == 0
+    assert seen["file"] == Path("heart.json") and seen["scene"] == vr.load("heart.json")
+    assert seen["command"] == ["visray", "view", "heart.json"] and vr.load("heart.json") == vr.surface_scene("heart")

@@ -87,6 +87,19 @@ def test_a_surface_without_special_places_has_a_clip_of_its_size(formula):
     assert clip_of(scene_of(formula)).center == (0, 0, 0) and 0.9 <= clip_of(scene_of(formula)).radius <= 4
 
 
+@pytest.mark.parametrize(
+    ("formula", "ends"),
+    [
+        ("((x + 2y)(y - 3z))^2 + (x - y + z)^2 = 1", False),
+        ("(xy)^2 + z^2 = 1", False),
+        ("(x + 2y)^2 (y - 3z)^2 + (x - y + z)^2 + (x^2 + y^2 + z^2)/100 = 1", True),
+    ],
+)
+def test_thin_arms_are_found(formula, ends):
+    whole = "which holds the whole surface" in surface_picture(formula, {}, Wishes()).choices["clip"]
+    assert whole == ends
+
+
 def test_degenerate_points_and_far_places_do_not_mislead():
     # Its only singular point is so flat that searches end all around it. Its farthest turning point is at 199.4.
     assert 199.4 < clip_of(scene_of("x^3 z + 10x^2 y + xy^2 + yz^2 = z^3")).radius < 400

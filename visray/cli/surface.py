@@ -129,7 +129,8 @@ def surface_command(
             write_line(f"{save}: written")
         if view:
             options = {"host": host, "port": port, "error": error or ERROR, "browser": not no_browser}
-            words = ["visray", "view", str(save)] if save else _words(formula, param, set)
+            texts = {"--clip": clip and f"{clip:g}", "--from": towards} | texts
+            words = ["visray", "view", str(save)] if save else _words(formula, param, set, texts)
             return show_live(
                 (lambda: load(file)) if save else lambda: scene, name=made.name, file=save, command=words, **options
             )
@@ -140,10 +141,11 @@ def surface_command(
         )  # fmt: skip
 
 
-def _words(formula: str, param: list[str], assignments: list[str]) -> list[str]:
-    """The words of a command that shows the same picture."""
-    options = [word for text in param for word in ("--param", text)]
-    return ["visray", "surface", formula, *options, *(word for text in assignments for word in ("--set", text))]
+def _words(formula: str, param: list[str], assignments: list[str], texts: dict[str, str | None]) -> list[str]:
+    """The words of a command that shows the same picture. texts: values of further options; None is left out."""
+    options = [("--param", text) for text in param] + [("--set", text) for text in assignments]
+    options += [(name, text) for name, text in texts.items() if text is not None]
+    return ["visray", "surface", formula, *(word for option in options for word in option)]
 
 
 def _parse_parameters(texts: list[str]) -> dict[str, float]:

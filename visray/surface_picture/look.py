@@ -12,7 +12,7 @@ AMBIENT, AMBIENT_LIGHT = 0.25, (1.0, 1.0, 1.0)
 SHINE, SHININESS = 0.3, 80.0
 BACKGROUND = PAPER
 # The key light is higher than over a map, so that the shapes of hollows are seen.
-RIG = Rig(key=(-0.6, 0.4, 0.7), key_light=0.9, fill_light=0.25)
+RIG = Rig(key=(-0.6, 0.4, 0.7), key_light=0.9, fill_light=0.32)
 # Names of the two materials: outside is the side that is seen more.
 OUTSIDE, INSIDE = "outside", "inside"
 

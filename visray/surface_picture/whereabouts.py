@@ -20,6 +20,8 @@ SPHERES, PLACES = 48, 2000
 # The smallest and the largest of them, in units of the distances of points; a surface ends if the sign is the same on
 # this many of the largest.
 SMALLEST, LARGEST, QUIET = 1.05, 300.0, 12
+# The search for thin arms: its starts, its steps, and the largest step in radians.
+ARMS, ARM_STEPS, WIDEST = 64, 25, 0.2
 # A ball about the origin is taken if its middle is nearer to it than this share of its radius.
 CENTRAL = 0.2
 # The share of the special points that must be in the clip of a surface that goes on.
@@ -84,7 +86,31 @@ def end_of(field: Field, nearest: float, scale: float) -> float | None:
     same = (signs * last >= 0).all(1)
     if not last or not same[-QUIET:].all():
         return None
+    # A surface may go on as thin arms between the places.
+    if any(_has_arm(field, r, last, places) for r in (radii[-1], radii[-QUIET])):
+        return None
     return float(radii[0 if same.all() else len(same) - int(np.argmin(same[::-1]))])
+
+
+def _has_arm(field: Field, radius: float, sign: float, places: np.ndarray) -> bool:
+    """Whether the sign is another one somewhere on a sphere. It is looked for where the values are nearest to 0.
+
+    sign: the sign at all places. places: unit vectors to them. Shape: places (N, 3).
+    """
+    p = places[np.argsort(sign * field.values(radius * places))[:ARMS]]
+    for _ in range(ARM_STEPS):
+        # Newton's method on the sphere, down in all directions: with the sizes of the eigenvalues.
+        jet = field.jet(radius * p)
+        across = np.eye(3) - p[:, :, None] * p[:, None, :]
+        gradient, hessian = sign * radius * jet.gradient.T, sign * radius**2 * np.moveaxis(jet.hessian, 2, 0)
+        curved = across @ hessian @ across - (gradient * p).sum(1)[:, None, None] * across
+        sizes, axes = np.linalg.eigh(np.where(np.isfinite(curved), curved, 0))
+        sizes = np.maximum(np.abs(sizes), 1e-12 * np.abs(sizes).max(1, keepdims=True) + 1e-300)
+        along = (axes * (across @ gradient[..., None])).sum(1) / sizes
+        step = (axes @ along[..., None])[..., 0]
+        p = p - step * np.minimum(1, WIDEST / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-300))
+        p = p / np.linalg.norm(p, axis=1, keepdims=True)
+    return bool((sign * field.signs(radius * p) < 0).any())
 
 
 def _all_of_it(field: Field, points: np.ndarray, radius: float) -> Whereabouts:

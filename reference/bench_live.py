@@ -13,8 +13,8 @@ slider: a value of the scene changes in the same way.
 rest: seconds from a change until the error is at most 5, 2 and 1 %; null if this takes longer than 40 s.
 jsurf: the same surfaces, turned by the same angles, by turns in one run: 10 pictures of each program, then 10 more, so
 that both have the same machine. jsurf has one ray for each pixel, one light and no shadows. `plain` is visray with the
-same: every pixel of every state (grain 1), with one sample. `surface` is the scene of `visray surface`, as the live
-picture shows it while it turns. jsurf is Debian's package jsurf-alggeo; without it this part is null.
+same, and a picture of it counts when every pixel has its sample (grain 1). `surface` is the scene of `visray surface`,
+as the live picture shows it while it turns. jsurf is Debian's package jsurf-alggeo; without it this part is null.
 """
 
 import math
@@ -215,7 +215,12 @@ def beside_jsurf(name: str, rounds: int = 6, each: int = 10) -> dict:
                     for angle in angles:
                         asked = time.perf_counter()
                         watch.viewer.look(camera=turned(camera, angle))
-                        moment, frame = watch.until(lambda f, t=asked: time.perf_counter() - f.seconds >= t - 1e-4)
+                        coarsest = 1 if key == "plain" else 64
+                        moment, frame = watch.until(
+                            lambda f, t=asked, g=coarsest: (
+                                time.perf_counter() - f.seconds >= t - 1e-4 and f.grain <= g and f.share == 1
+                            )
+                        )
                         times[key].append(moment - asked)
                         grains[key].append(frame.grain)
                     engine.remove(watch.viewer)

@@ -199,9 +199,10 @@ def with_view(s: KernelScene, camera: Any, scene: Scene, lists: bool = True) -> 
         camera lies on a surface.
     """
     view = evaluated(camera.view(scene.film.width, scene.film.height, s.a))
-    if lists or not s.geometry.plan("direction" if isinstance(view, ParallelView) else "origin").lists:
+    has_lists = bool(s.geometry.plan("direction" if isinstance(view, ParallelView) else "origin").lists)
+    if lists or not has_lists:
         # The lists of the camera before are not kept.
-        geometry = s.geometry.with_looks(s.geometry.batches)
+        geometry = s.geometry.with_looks(s.geometry.batches) if has_lists else s.geometry
         origin, camera_lists = _camera_search(camera, view, geometry, scene)
         return replace(s, geometry=geometry, view=view, origin=origin, camera_lists=camera_lists)
     _ = s.geometry.tree  # It is built now, because no kernel that is being traced can build it.

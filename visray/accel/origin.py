@@ -74,6 +74,11 @@ class Geometry:
         return geometry
 
     @cached_property
+    def searched(self) -> tuple[Batch, ...]:
+        """The batches without derivatives, as rays search them."""
+        return detached(self.batches)
+
+    @cached_property
     def tree(self) -> Tree | None:
         """The bounding volume hierarchy over some of the batches (policy.Plan.tree); None if the plan puts no batch in
         it. It is built when it is first asked for, because many scenes have no rays that use it."""
@@ -146,7 +151,7 @@ class RayOrigin:
         far: bool = False,
     ):  # fmt: skip
         self.a, self.o, self.geometry = geometry.a, dr.detach(o), geometry
-        self.batches = detached(geometry.batches)
+        self.batches = geometry.searched
         self.shared = dr.width(o) == 1 if shared is None else shared
         self.plan = geometry.plan("origin" if self.shared else "nothing")
         unrolled = [i in self.plan.unrolled for i in range(len(self.batches))]

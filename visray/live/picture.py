@@ -7,6 +7,7 @@ so many samples of each pixel, bit for bit.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import drjit as dr
@@ -24,6 +25,7 @@ from visray.live.replay import Replays
 from visray.live.screen import Screen
 from visray.moments import Moments
 from visray.passes import PACKET, empty_film, spread_lanes
+from visray.quantities import Arrays
 from visray.setup import Prepared
 
 # Seconds from a change to the first state that shows it. Seconds that a later step should take: this share of the time
@@ -162,7 +164,7 @@ class LivePicture:
         else:
             # Every part is spread over the whole picture. None has a single lane, which would need its own kernel.
             grids = parts_of(a, whole, np.array_split(spread_lanes(n), min(-(-n // room), n // PACKET)))
-        self._todo = [Part(g, Moments.empty(a, dr.width(g.x))) for g in grids]
+        self._todo = [Part(g, nothing(a, dr.width(g.x))) for g in grids]
         self._goal, self._done = 1, 0
         if grain == 1:
             self.parts = list(self._todo)
@@ -221,3 +223,9 @@ class LivePicture:
         if self._legend is None and rests and not self._todo:
             self._legend = LegendOver(self.prepared.scene, rgb)
         return rgb if self._legend is None else self._legend.over(rgb)
+
+
+@lru_cache(maxsize=4)
+def nothing(a: Arrays, n: int) -> Moments:
+    """Moments of n pixels without samples. The first states of all pictures share them; nothing changes them."""
+    return Moments.empty(a, n)

@@ -16,7 +16,7 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator
-from visray.accel.origin import ListCache
+from visray.accel.origin import Geometry, ListCache
 from visray.columns import Names
 from visray.features import Features
 from visray.kernel_scene import KernelScene
@@ -49,11 +49,13 @@ class Replays:
     def __init__(self) -> None:
         self._recorded: OrderedDict[tuple, _Recorded] = OrderedDict()
         self._parts: dict[str, tuple[Any, list, tuple]] = {}
+        self._last: tuple[KernelScene, list, tuple] | None = None
+        self._geometries: OrderedDict[int, tuple[Geometry, list, tuple]] = OrderedDict()
         self.compiled = 0
 
     def knows(self, prepared: Prepared) -> bool:
         """Whether a pass of the scene needs no compilation."""
-        return self._key(prepared, self._taken(prepared.kernel)[1]) in self._recorded
+        return (prepared.a, self._taken(prepared.kernel)[1]) in self._recorded
 
     def sampled(
         self, prepared: Prepared, x: Any, y: Any, moments: Moments, first: int, count: int
@@ -68,7 +70,7 @@ class Replays:
         a, settings = prepared.a, prepared.scene.settings
         plan = SamplePlan.of(a, settings.seed, settings.spp, first, count)
         arrays, marks = self._taken(prepared.kernel)
-        key = self._key(prepared, marks)
+        key = a, marks
         recorded = self._recorded.get(key)
         if recorded is None:
             recorded = self._recorded[key] = _Recorded(prepared.kernel)
@@ -81,13 +83,11 @@ class Replays:
         self.compiled += is_new
         return new, is_new
 
-    def _key(self, prepared: Prepared, marks: tuple) -> tuple:
-        """What a recording is for."""
-        return prepared.a, marks
-
     def _taken(self, kernel: KernelScene) -> tuple[list, tuple]:
         """The arrays of a kernel scene, each once, and the structure without them. Fields that are those of the kernel
         scene before are not taken apart again."""
+        if self._last is not None and self._last[0] is kernel:
+            return self._last[1:]
         places: dict[int, int] = {}
         arrays: list = []
         marks: list = []
@@ -95,14 +95,28 @@ class Replays:
             known = self._parts.get(name)
             if known is None or known[0] is not value:
                 own: list = []
-                known = self._parts[name] = value, own, tuple(_marks(value, own, {}))
+                known = self._parts[name] = value, own, tuple(_marks(value, own, {}, self._geometry))
             marks.append(known[2])
             for array in known[1]:
                 if id(array) not in places:
                     places[id(array)] = len(arrays)
                     arrays.append(array)
                 marks.append(places[id(array)])
-        return arrays, tuple(marks)
+        self._last = kernel, arrays, tuple(marks)
+        return self._last[1:]
+
+    def _geometry(self, geometry: Geometry) -> tuple[list, tuple]:
+        """The arrays and the marks of a geometry. Most kernel scenes have that of one before."""
+        known = self._geometries.get(id(geometry))
+        # The tree may have been built since then.
+        if known is None or known[0] is not geometry or len(known[2][1]) != len(vars(geometry)):
+            own: list = []
+            fields, numbers = dict(sorted(vars(geometry).items())), {}
+            marks = [m for part in fields.values() for m in _marks(part, own, numbers, self._geometry)]
+            known = self._geometries[id(geometry)] = geometry, own, (Geometry, tuple(fields), tuple(marks))
+            while len(self._geometries) > KEPT:
+                self._geometries.popitem(last=False)
+        return known[1:]
 
 
 class _Recorded:
@@ -155,10 +169,11 @@ def _is_record(x: Any) -> bool:
     return kind.__module__.startswith("visray.") and kind not in READ and hasattr(x, "__dict__")
 
 
-def _marks(x: Any, arrays: list, known: dict[int, int]) -> list:
+def _marks(x: Any, arrays: list, known: dict[int, int], geometry: Callable) -> list:
     """What a value contains beside arrays, as a list of marks that can be compared. Its arrays are added to `arrays`.
 
     known: numbers of the values that were met before, by identity
+    geometry: function that returns the arrays and the marks of a geometry
     """
     if dr.is_array_v(x):
         arrays.append(x)
@@ -169,15 +184,19 @@ def _marks(x: Any, arrays: list, known: dict[int, int]) -> list:
         return [("again", known[id(x)])]
     known[id(x)] = len(known)
     kind = type(x)
+    if kind is Geometry:
+        own, marks = geometry(x)
+        arrays.extend(own)
+        return [marks]
     if kind in READ:
         return [kind, READ[kind](x)]
     if isinstance(x, tuple | list):
-        return [kind, len(x), *(m for part in x for m in _marks(part, arrays, known))]
+        return [kind, len(x), *(m for part in x for m in _marks(part, arrays, known, geometry))]
     if isinstance(x, dict):
-        return [kind, tuple(x), *(m for part in x.values() for m in _marks(part, arrays, known))]
+        return [kind, tuple(x), *(m for part in x.values() for m in _marks(part, arrays, known, geometry))]
     if _is_record(x):
         fields = vars(x)
-        return [kind, tuple(fields), *(m for part in fields.values() for m in _marks(part, arrays, known))]
+        return [kind, tuple(fields), *(m for part in fields.values() for m in _marks(part, arrays, known, geometry))]
     if isinstance(x, np.ndarray):
         return [kind, x.shape, x.tobytes()]
     # Anything else, such as a function, is the same only if it is identical.
@@ -215,7 +234,11 @@ def _copied(x: Any, change: Callable[[Any], Any], known: dict[int, Any]) -> Any:
         made = {name: _copied(part, change, known) for name, part in x.items()}
     elif _is_record(x):
         made = object.__new__(type(x))
-        vars(made).update({name: _copied(part, change, known) for name, part in vars(x).items()})
+        fields, own = vars(x).items(), known
+        if type(x) is Geometry:
+            # It is taken apart on its own. The order in which its parts were computed does not matter.
+            fields, own = sorted(fields), {}
+        vars(made).update({name: _copied(part, change, own) for name, part in fields})
     else:
         made = x
     # The value is kept, too, so that no other gets its identity.

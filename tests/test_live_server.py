@@ -282,6 +282,8 @@ def test_what_can_be_dragged():
     step = places(scene, "objects.box", (0.5, 0.0, 0.0))[-1]
     assert step.point == (1.5, 2.0, 3.0)
     assert step.moved((1.5, 2.0, 4.0)) == {"objects.box.transform.1.translate": (1.0, 2.0, 4.0)}
+    plain = places(replace(scene, objects={"box": vr.Box()}), "objects.box")[-1]
+    assert plain.moved((0.0, 1.0, 0.0)) == {"objects.box.min": (-0.5, 0.5, -0.5), "objects.box.max": (0.5, 1.5, 0.5)}
     turned = replace(scene, objects={"box": replace(box, transform=box.transform[:1])})
     new = places(turned, "objects.box", (0.5, 0.0, 0.0))[-1].moved((0.5, 1.0, 0.0))
     moved = vr.replaced(turned, *next(iter(new.items())))

@@ -14,12 +14,13 @@ from visray.lights import SpotLight
 from visray.live.engine import Change
 from visray.live.live import Live, Pick
 from visray.live.tabs import tab
+from visray.primitives import Box
 from visray.quantities import quantities
 from visray.scene.scene import Scene
 from visray.transforms import Translate
 
 # Fields that are points. Others of three lengths, such as the edges of a rectangle, are not.
-POINTS = ("position", "center", "point", "base", "a", "b", "c", "min", "max")
+POINTS = ("position", "center", "point", "base", "a", "b", "c")
 # More lights than this get no handles.
 MOST_LIGHTS = 24
 # Size of a handle in pixels.
@@ -71,6 +72,8 @@ def _points(record: Any, address: str) -> list[Place]:
 def _of_object(thing: Any, address: str, anchor: np.ndarray) -> list[Place]:
     """The points of an object: those of its fields, or one that its last step moves."""
     steps = thing.transform
+    if not steps and isinstance(thing, Box):
+        return [_box(thing, address)]
     points = [] if steps else _points(thing, address)
     if points:
         return points
@@ -84,6 +87,17 @@ def _of_object(thing: Any, address: str, anchor: np.ndarray) -> list[Place]:
         return {f"{address}.transform": (*steps, Translate(translate=step))}
 
     return [Place(address, tuple(float(x) for x in now), moved)]
+
+
+def _box(box: Box, address: str) -> Place:
+    """The centre of a box."""
+    low, high = np.array(box.min), np.array(box.max)
+
+    def moved(point: tuple[float, float, float]) -> dict[str, Any]:
+        step = np.array(point) - (low + high) / 2
+        return {f"{address}.{k}": tuple(float(x) for x in v + step) for k, v in (("min", low), ("max", high))}
+
+    return Place(address, tuple(float(x) for x in (low + high) / 2), moved)
 
 
 def _aim(light: SpotLight, address: str, near: tuple[float, float, float]) -> Place:

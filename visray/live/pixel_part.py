@@ -69,7 +69,8 @@ class PixelPart:
         pick = Pick(client, (story.x, story.y), size, first.object, first.point, story)
         widgets.pick = pick
         widgets.story.content = story_page(story)
-        widgets.focus.visible = widgets.turn.visible = first.point is not None
+        widgets.turn.visible = first.point is not None
+        widgets.focus.visible = first.point is not None and not isinstance(client.camera, OrthographicCamera)
         self.live.picked(pick)
 
     def focus(self, client: Client, _: Any) -> None:

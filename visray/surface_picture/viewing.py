@@ -16,6 +16,8 @@ AZIMUTHS, ELEVATIONS = np.arange(-180, 180, 30) - 52.5, (12.0, 25.0, 36.0)
 # The direction of a view as in a book. Another is taken if it shows more: this share more for each degree that it is
 # turned or raised.
 BOOK, TURNED, RAISED = (-52.5, 25.0), 0.002, 0.01
+# How much more a view is worth if the parts of the surface are turned to the camera differently.
+VARIED = 1.5
 # Beside the best azimuth, those at this distance in degrees are tried too.
 FINER = 12.0
 # Rays across a picture and steps along each, when directions are compared.
@@ -72,8 +74,8 @@ def direction(azimuth: float, elevation: float) -> np.ndarray:
 
 
 def best_direction(field: Field, ball: Ball) -> tuple[float, float, float]:
-    """The direction towards the camera from which the most cells of the surface are seen, with each side counted. A
-    view as in a book is taken before others that show hardly more."""
+    """The direction towards the camera from which the most cells of the surface are seen, with each side counted, and
+    not all of them straight. A view as in a book is taken before others that show hardly more."""
     worth = {}
 
     def worth_of(azimuth: float, elevation: float) -> float:
@@ -81,7 +83,8 @@ def best_direction(field: Field, ball: Ball) -> tuple[float, float, float]:
             towards = direction(azimuth, elevation)
             turned = abs((azimuth - BOOK[0] + 180) % 360 - 180)
             other = 1 + TURNED * turned + RAISED * abs(elevation - BOOK[1])
-            worth[azimuth, elevation] = _cells(seen(field, ball, axes_towards(towards, (0, 0, 1))), ball) / other
+            found = seen(field, ball, axes_towards(towards, (0, 0, 1)))
+            worth[azimuth, elevation] = _cells(found, ball) * (1 + VARIED * _variety(field, found, towards)) / other
         return worth[azimuth, elevation]
 
     worth_of(*BOOK)
@@ -93,6 +96,16 @@ def best_direction(field: Field, ball: Ball) -> tuple[float, float, float]:
     for beside in (-FINER, FINER):
         worth_of(azimuth + beside, elevation)
     return tuple(np.round(direction(*max(worth, key=worth.get)), 2).tolist())
+
+
+def _variety(field: Field, found: Seen, towards: np.ndarray) -> float:
+    """How differently the parts that are seen are turned to the camera: the standard deviation of the cosines. A bent
+    sheet that is looked at straight seems flat."""
+    if not len(found.points):
+        return 0.0
+    _, gradient = field.slope(found.points)
+    length = np.linalg.norm(gradient, axis=0)
+    return float(np.std(np.abs(towards @ gradient)[length > 0] / length[length > 0])) if length.any() else 0.0
 
 
 def _cells(found: Seen, ball: Ball) -> int:

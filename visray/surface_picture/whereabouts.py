@@ -32,7 +32,7 @@ ROOM = 2.6
 # How far normals must turn in the clip of a surface without special points: 1 less the length of their mean.
 TURNED = 0.25
 # The clip is this much larger. If that is so in one of the first balls, all balls are alike.
-AROUND, ALIKE = 1.8, 5
+AROUND, ALIKE = 1.4, 5
 # Special points count at distances from the centre between these, in units of the distance of a middle point: nearer
 # ones are one degenerate point, and farther ones are places to which the surface only tends.
 NEAREST, FARTHEST_SPECIAL = 1e-5, 100.0

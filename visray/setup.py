@@ -1,6 +1,6 @@
 """A scene prepared for rendering: packed into arrays, placed in the world, and its pixels ordered as lanes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -81,8 +81,12 @@ class Prepared:
             raise UserError("updated: the prepared scene's own dicts were changed in place; prepare it anew")
         if moving := [a for a in assignments if a.split(".")[0] == "animation" and assignments[a] is not None]:
             raise UserError(f"{moving[0]}: {ONE_MOMENT}, and prepare it anew")
-        scene = addresses.changed(self.scene, assignments)
-        return self._with(scene, repacked(self.packed, self.scene, scene, assignments, self.a))
+        return self.changed_to(addresses.changed(self.scene, assignments), assignments)
+
+    def changed_to(self, scene: Scene, changed: Collection[str]) -> "Prepared":
+        """The scene `scene`, prepared as by `updated`. Domain: it is checked, and differs from `self.scene` only at the
+        addresses `changed`."""
+        return self._with(scene, repacked(self.packed, self.scene, scene, changed, self.a))
 
     def adjusted(self, scene: Scene) -> "Prepared":
         """The scene `scene`, prepared. Domain: it differs from `self.scene` only in its settings or in the size of its

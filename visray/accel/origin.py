@@ -68,7 +68,9 @@ class Geometry:
 
     def with_looks(self, batches: tuple[Batch, ...]) -> "Geometry":
         """The same geometry for a new frame. batches: the same batches, whose materials may be others."""
-        geometry = replace(self, batches=batches, lists=ListCache(previous=self.lists.current))
+        # Lists that nobody has asked for in this frame yet are those of the frame before.
+        lists = ListCache(previous=self.lists.current or self.lists.previous)
+        geometry = replace(self, batches=batches, lists=lists)
         if "tree" in vars(self):
             vars(geometry)["tree"] = self.tree
         return geometry

@@ -9,7 +9,7 @@ from visray.animation.moment import assignments as moment_assignments
 from visray.animation.moment import still_at
 from visray.live.wishes import Change, Wishes
 from visray.scene.address import changed
-from visray.scene.adjusted import adjusted
+from visray.scene.check import checked
 from visray.scene.edits import within
 from visray.scene.scene import Scene
 from visray.setup import Prepared
@@ -61,13 +61,21 @@ class State:
             if left_out != self.left_out:
                 effects = (effect for effect in left_out if effect != AREA_LIGHTS)
                 prepared = replace(prepared, without=()).leaving_out(*effects)
-            state = replace(state, prepared=prepared.updated(values) if values else prepared)
+            if values and scene.animation is None and AREA_LIGHTS not in left_out:
+                # The scene is checked already, which takes long if it is large.
+                prepared = prepared.changed_to(state.still(), values)
+            elif values:
+                prepared = prepared.updated(values)
+            state = replace(state, prepared=prepared)
         return state, Change(kind, tuple(wishes.values))
 
     def with_preparation(self) -> "State":
         """The state with its scene prepared. Raises UserError if that cannot be done."""
         if self.prepared is not None:
             return self
+        return replace(self, prepared=prepared_without(checked(self.still()), *self.left_out))
+
+    def still(self) -> Scene:
+        """The scene of this moment, as it is prepared."""
         scene = still_at(self.scene, self.time if self.scene.animation is not None else None)
-        scene = adjusted(scene, sampler=adaptive_sampler(scene.settings.sampler))
-        return replace(self, prepared=prepared_without(scene, *self.left_out))
+        return replace(scene, settings=replace(scene.settings, sampler=adaptive_sampler(scene.settings.sampler)))

@@ -210,3 +210,29 @@ def test_a_phone(browser, shown):
         math.tan(math.radians(SCENE.camera.fov) / 2) * 64 / 48,
     )
     assert difference(seen(page, client.window), rendered(client)) < 2
+
+
+@pytest.mark.slow
+def test_names_are_no_html(browser):
+    name = '<img src="x" onerror="alert(1)">'
+    scene = replace(
+        SCENE,
+        objects={name: vr.Sphere(material=name)},
+        materials={name: vr.Material()},
+        lights={name: SCENE.lights["key"]},
+    )
+    with vr.view(scene, name=name, error=0.05) as shown:
+        page = page_of(browser, shown.url, 1000, 600)
+        client = client_of(shown)
+        page.get_by_role("tab", name="Pixel").click()
+        page.get_by_text("Handles", exact=True).click()
+        page.mouse.click(*screen(client, (0.0, 0.0, 0.0)))
+        page.wait_for_selector("text=all numbers")
+        for tab in ("Scene", "Price", "Save", "Pixel"):
+            page.get_by_role("tab", name=tab).click()
+            page.wait_for_timeout(300)
+        shown.live.engine.assign({f"objects.{name}.radius": -1.0})
+        page.wait_for_selector("text=The scene has errors")
+        assert page.locator("img[src=x]").count() == 0 and page.title() == f"{name} - visray"
+        assert page.get_by_text(f"objects.{name}", exact=True).first.is_visible()
+        page.context.close()

@@ -357,9 +357,10 @@ def test_poses_of_a_page_that_opens_are_not_followed(shown):
     page.look(position=(-5.0, 0.0, 0.0))
     eventually(lambda: client.viewer.picture is not None)
     assert client.at_home and client.camera is shown.live.engine.scene.camera
-    for step in range(10):
-        page.look(position=(3.0, 3.0 + step, 3.0))
+    page.look(position=(3.0, 3.5, 3.0))
     eventually(lambda: not client.at_home)
+    page.look(position=(3.0, 3.0, 3.0))
+    eventually(lambda: client.camera.origin[1] > 4)
     page.close()
     eventually(lambda: not shown.live.clients)
 

@@ -76,10 +76,11 @@ def show_live(
     browser: whether to open a browser, if this machine shows windows
     file: the scene's file, which is watched; None if it has none
     """
-    from visray.live.guard import chosen_port, is_local
+    from visray.live.guard import check_installed, chosen_port, is_local
 
     if not 0 < error < 1:
         raise UserError(f"--error = {error:g}: must be between 0 and 1, such as 0.01 or 1%")
+    check_installed()
     chosen_port(host, port)
     scene = load()
     from visray.live.view import started

@@ -18,8 +18,8 @@ MOST_PIXELS = 2_200_000
 PLACE = ("origin", "target", "up", "height", "type")
 # Number of poses that a browser was sent and may still report.
 REMEMBERED = 64
-# A page that opens reports poses of its own before it is where the scene's camera is: at most this many.
-STRAY = 4
+# A page that opens reports poses of its own first, which look at the origin from these distances.
+STRAY = 5.0, 27**0.5
 
 
 def picture_size(window: tuple[int, int]) -> tuple[int, int]:
@@ -34,6 +34,12 @@ def camera_of_scene(engine: Engine) -> Any:
     if scene.animation is None or not any(a.startswith("camera") for a in assignments(scene, engine.time)):
         return scene.camera
     return still_at(scene, engine.time).camera
+
+
+def is_stray(pose: Pose) -> bool:
+    """Whether a pose is one that a page has while it opens, before it knows of the scene."""
+    away = math.hypot(*pose.position)
+    return math.hypot(*pose.look_at) < 1e-6 and any(math.isclose(away, x, rel_tol=1e-6) for x in STRAY)
 
 
 class Client:
@@ -56,7 +62,6 @@ class Client:
         self._pose: Pose | None = None  # None: where the scene's camera is
         self._sent = deque([pose_of(self.base, live.space)], maxlen=REMEMBERED)
         self._fov: float | None = None
-        self._strays: list[Pose] = []  # poses reported before it was at home for the first time
         self._arrived = False
         self._lock = threading.RLock()
         self.sender = Sender(shower(handle))
@@ -76,7 +81,7 @@ class Client:
             # While nobody has moved it, it reports the poses that it was sent, some of them late.
             known = list(self._sent) if self.at_home else [pose_of(self.base, self.live.space)]
             is_home = any(pose.is_same(p) for p in known)
-            self._arrived = self._arrived or is_home or not self._is_stray(pose)
+            self._arrived = self._arrived or not is_stray(pose)
             self._pose = None if is_home or not self._arrived else pose
             self._follow()
 
@@ -118,12 +123,6 @@ class Client:
         """The browser has left."""
         self.sender.close()
         self.live.engine.remove(self.viewer)
-
-    def _is_stray(self, pose: Pose) -> bool:
-        """Whether a pose may be one of those that a page has while it opens, and not yet one of a hand at the mouse."""
-        if not any(pose.is_same(p) for p in self._strays):
-            self._strays.append(pose)
-        return len(self._strays) <= STRAY
 
     def _place(self, pose: Pose) -> None:
         """Moves the camera in the browser."""

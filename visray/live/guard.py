@@ -1,7 +1,9 @@
 """Who may reach the live picture: this machine alone, unless the user says otherwise, and no page of another site."""
 
+import errno
 import ipaddress
 import socket
+from importlib.util import find_spec
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -11,6 +13,16 @@ DEFAULT_PORT = 8080
 LOCAL = "127.0.0.1"
 # Number of ports that are tried when a free one is looked for.
 TRIED = 200
+
+
+def check_installed() -> None:
+    """Raises a UserError if viser is not installed. Does not import it, as this takes long."""
+    try:
+        found = find_spec("viser") is not None
+    except ValueError:
+        found = False
+    if not found:
+        raise UserError("the live picture needs viser: pip install 'visray[view]'")
 
 
 def is_local(host: str) -> bool:
@@ -87,8 +99,6 @@ def url_of(host: str, port: int) -> str:
 
 
 def _taken() -> tuple[int, ...]:
-    import errno
-
     return errno.EADDRINUSE, getattr(errno, "WSAEADDRINUSE", errno.EADDRINUSE), errno.EACCES
 
 

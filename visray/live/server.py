@@ -22,15 +22,6 @@ from visray.tables import silent_rich
 PATIENCE = 0.7
 
 
-def needed() -> Any:
-    """The module viser. Raises a UserError if it is not installed."""
-    try:
-        import viser
-    except ImportError:
-        raise UserError("the live picture needs viser: pip install 'visray[view]'") from None
-    return viser
-
-
 def serve(
     scene: Scene,
     *,
@@ -43,7 +34,8 @@ def serve(
     load: Callable[[], Scene] | None = None,
 ) -> Live:
     """Starts a live picture. host, port: where its server listens; the port is free."""
-    viser = needed()
+    import viser
+
     # A browser may leave at any time, also while its page is built.
     warnings.filterwarnings("ignore", "Queued a .* on a closed connection")
     engine = Engine(scene, target=target).start()

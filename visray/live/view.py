@@ -107,8 +107,8 @@ def view(
 
 def started(scene: Scene, *, host: str, port: int | None, error: float, **more: Any) -> LiveView:
     """Starts a live picture. more: as for serve (server.py)."""
-    from visray.live.server import needed, serve
+    guard.check_installed()
+    from visray.live.server import serve
 
-    needed()
     port = guard.chosen_port(host, port)
     return LiveView(serve(scene, host=host, port=port, target=error, **more), guard.url_of(host, port))

@@ -41,7 +41,7 @@ def page_of(browser: Any, url: str, width: int = 640, height: int = 480) -> Any:
 
 def finished(page: Any) -> None:
     """Waits until the picture is as good as was asked for."""
-    page.wait_for_selector("text=✓ error")
+    page.wait_for_selector("text=✓")
 
 
 def seen(page: Any, size: tuple[int, int]) -> np.ndarray:

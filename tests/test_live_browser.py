@@ -202,6 +202,9 @@ def test_handles_drag_what_was_clicked(browser, shown):
 @pytest.mark.slow
 def test_a_phone(browser, shown):
     page = page_of(browser, shown.url, 390, 844)
+    # The panel is folded, but for its title.
+    assert page.get_by_text("balls · ✓").is_visible()
+    assert not page.get_by_role("tab", name="Pixel").is_visible()
     client = client_of(shown)
     settled(page, client)
     camera = client.viewer.wanted[0]

@@ -1,22 +1,22 @@
 """The parts of the page of a live picture, in the order in which they are built (live.py says what a part is)."""
 
-from importlib import import_module
-from importlib.util import find_spec
+from typing import Any
 
+from visray.live.effects import EffectsPart
+from visray.live.error_chart import ErrorChartPart
+from visray.live.handles import HandlesPart
 from visray.live.live import Live
+from visray.live.panel import PanelPart
+from visray.live.pixel_part import PixelPart
+from visray.live.saving import SavingPart
+from visray.live.status import StatusPart
+from visray.live.watching import WatchingPart
 
 PARTS = (
-    ("visray.live.status", "StatusPart"),
-    ("visray.live.panel", "PanelPart"),
-    ("visray.live.pixel_part", "PixelPart"),
-    ("visray.live.handles", "HandlesPart"),
-    ("visray.live.effects", "EffectsPart"),
-    ("visray.live.error_chart", "ErrorChartPart"),
-    ("visray.live.saving", "SavingPart"),
-    ("visray.live.watching", "WatchingPart"),
-)
+    StatusPart, PanelPart, PixelPart, HandlesPart, ErrorChartPart, EffectsPart, SavingPart, WatchingPart,
+)  # fmt: skip
 
 
-def build(live: Live) -> list:
+def build(live: Live) -> list[Any]:
     """Builds all parts."""
-    return [getattr(import_module(m), name)(live) for m, name in PARTS if find_spec(m) is not None]
+    return [part(live) for part in PARTS]

@@ -21,6 +21,15 @@ from visray.tables import silent_rich
 # Seconds that everything has to end. Less than a second, after which Ctrl-C would be thought to be unheard.
 PATIENCE = 0.7
 
+# Folds the panel of a narrow page, once. If viser's page gets another structure, the panel stays open.
+FOLD = """
+if (innerWidth < 576 && !window.visrayFolded) {
+  window.visrayFolded = true;
+  setTimeout(() => [...document.querySelectorAll("div")]
+    .find((d) => d.style.cursor === "pointer" && d.style.height === "3.5em")?.click(), 300);
+}
+"""
+
 
 def serve(
     scene: Scene,
@@ -95,13 +104,13 @@ def stop(live: Live) -> bool:
 
 
 def _dress(server: Any, name: str) -> None:
-    """What the page looks like. On phones viser puts the panel below the picture."""
+    """What the page looks like. On phones viser puts the panel before the picture, so it is folded at first."""
     from viser._messages import RunJavascriptMessage
 
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
     server.gui.main_panel.dock_right()
     title = json.dumps(f"{terminal.printable(name)} - visray")
-    server._websock_server.queue_message(RunJavascriptMessage(source=f"document.title = {title}"))
+    server._websock_server.queue_message(RunJavascriptMessage(source=f"document.title = {title};\n{FOLD}"))
 
 
 def _look(client: Client, camera: Any) -> None:

@@ -56,7 +56,7 @@ class Pose:
         return (
             math.dist(self.position, other.position) < near
             and math.dist(self.look_at, other.look_at) < near
-            and math.dist(*directions) < 1e3 * SAME
+            and math.dist(*directions) < 10 * SAME
         )
 
 

@@ -4,6 +4,8 @@ from typing import Any
 
 from page import Page, eventually
 
+from visray.live.viewpoint import pose_of
+
 
 def widget(page: Page, label: str) -> str:
     """The number of the newest widget with a label, once it is there."""
@@ -54,3 +56,14 @@ def downloads(page: Page) -> dict[str, bytes]:
 def told(page: Page) -> str:
     """All sentences that were told in passing."""
     return "\n".join(message["props"]["body"] for message in page.of("NotificationShowMessage"))
+
+
+def look_from(page: Page, live: Any, position: tuple[float, float, float]) -> Any:
+    """Opens as a browser does, where the scene's camera is, and then looks from elsewhere. Returns the browser, as the
+    server knows it. position: in units of the page"""
+    home = pose_of(live.engine.scene.camera, live.space)
+    page.look(home.position, home.look_at)
+    page.look(position=position)
+    client = eventually(lambda: next(iter(live.clients.values()), None))
+    eventually(lambda: not client.at_home)
+    return client

@@ -14,6 +14,7 @@ from PIL import Image as Pillow
 
 import visray as vr
 from visray.cli import main
+from visray.dark import DarkWarning
 from visray.errors import UserError
 from visray.live.picture_file import picture_file
 from visray.live.reproducing import Seen, Wish, assignments, command_line, free_name, parse_wish
@@ -232,12 +233,12 @@ def test_a_free_name(tmp_path: Path) -> None:
 def opened(file: Path) -> Iterator[tuple[Any, Any]]:
     """A live picture of the file, and a page that shows it from elsewhere."""
     pytest.importorskip("viser")
-    from page import Page, eventually
+    from page import Page
+    from page_widgets import look_from
 
     with vr.view(file, error=0.2) as shown:
         page = Page(shown.url)
-        page.look(position=(0.0, 0.0, 4.5))
-        eventually(lambda: shown.live.clients and not next(iter(shown.live.clients.values())).at_home)
+        look_from(page, shown.live, (0.0, 0.0, 4.5))
         yield shown.live, page
         page.close()
 
@@ -319,3 +320,18 @@ def test_a_picture_is_cancelled(opened: tuple[Any, Any]) -> None:
     eventually(lambda: "the picture was cancelled" in told(page))
     eventually(lambda: value_of(page, "Cancel", "visible") is False)
     assert downloads(page) == {}
+
+
+def test_notes_about_a_picture_are_told(opened: tuple[Any, Any]) -> None:
+    """No light falls on what is seen: as on the command line, that is said."""
+    from page import eventually
+    from page_widgets import press, told, write
+
+    live, page = opened
+    live.engine.assign({"lights.lamp.intensity": 0.0, "ambient": (0.0, 0.0, 0.0)})
+    eventually(lambda: live.engine.edits)
+    write(page, "quality", "1 spp")
+    with pytest.warns(DarkWarning):
+        press(page, "Make the picture")
+        eventually(lambda: "it-s-a-ball.png: 12 x 8, 1 spp. " in told(page))
+    assert "light" in told(page)

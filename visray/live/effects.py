@@ -75,13 +75,13 @@ class EffectsPart:
         """Shows the effects of a scene, with switches for those that it needs. off: those that somebody has switched
         off"""
         listed = prepared.features.listed
-        needed = {f.name for f in listed if f.on} | set(off)
-        if off:
-            # Effects that only refine one that is off are shown, but cannot be switched.
-            needed |= set(features(prepared.scene).names())
         with self._lock:
             if [(f.name, f.on, f.reason) for f in listed] != [(f.name, f.on, f.reason) for f in self.listed]:
                 self.listed = listed
+                needed = {f.name for f in listed if f.on} | set(off)
+                if off:
+                    # Effects that only refine one that is off are shown, but cannot be switched.
+                    needed |= set(features(prepared.scene).names())
                 self._make_rows([f for f in listed if f.name in needed])
                 for f in listed:
                     if f.name in needed:

@@ -5,7 +5,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from visray import clock
+from visray import clock, terminal
 from visray.errors import UserError
 from visray.live.client import Client
 from visray.live.guard import is_local
@@ -106,7 +106,8 @@ class SavingPart:
         """Makes a picture, in a thread of its own."""
         self._show(True)
         try:
-            made = picture_file(seen, wish, suffix, follower)
+            with terminal.kept_notes() as notes:
+                made = picture_file(seen, wish, suffix, follower)
         finally:
             self.follower = None
             self._show(False)
@@ -116,7 +117,7 @@ class SavingPart:
         name = f"{self._name()}{suffix}"
         if client.number in self.live.clients:
             client.handle.send_file_download(name, made[0], save_immediately=True)
-            self._tell(client, f"{name}: {made[1]}", seen)
+            self._tell(client, ". ".join([f"{name}: {made[1]}", *notes]), seen)
 
     def cancel(self) -> None:
         """Ends the picture that is being made."""

@@ -1,5 +1,7 @@
 """Passes that are replayed: the same bits as passes that are traced, for other numbers, cameras and sizes."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import drjit as dr
@@ -98,3 +100,37 @@ def test_a_covered_share_is_counted():
 )
 def test_scenes_are_replayed(name):
     assert looked_at(vr.load(SCENES / f"{name}.json"), {})
+
+
+GARBAGE = """
+import sys, gc
+sys.path.insert(0, {tests!r})
+import numpy as np
+from live_support import small_scene
+from test_live_replay import replayed
+from visray import integrator
+from visray.live.replay import Replays
+from visray.scene.adjusted import adjusted
+from visray.setup import prepare
+
+prepared, sample = prepare(adjusted(small_scene(), sampler="sobol", size=(24, 16))), integrator.sample
+gc.collect()
+gc.set_threshold(0)
+
+def collecting(*arguments):
+    gc.set_threshold(5)
+    return sample(*arguments)
+
+integrator.sample = collecting
+for _ in range(20):
+    node = [prepared.a.F(np.ones(1000, np.float32))]
+    node.append(node)
+del node
+print(np.isfinite(np.array(replayed(Replays(), prepared, 1, 2).mean)).all())
+"""
+
+
+def test_garbage_is_not_collected_while_a_pass_is_recorded():
+    program = GARBAGE.format(tests=str(Path(__file__).parent))
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (ended.stdout, ended.returncode) == ("True\n", 0), ended.stderr

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import drjit as dr
 import numpy as np
 
 from visray.film import tile_order
@@ -69,4 +70,7 @@ def parts_of(a: Arrays, whole: Grid, lanes_of: list[np.ndarray]) -> list[Grid]:
 
 def _put(a: Arrays, numbers: np.ndarray) -> Any:
     """Whole numbers as an array of Dr.Jit."""
-    return a.put(a.U, numbers.astype(np.uint32))
+    array = a.put(a.U, numbers.astype(np.uint32))
+    # NumPy's memory is no longer read then.
+    dr.eval(array)
+    return array

@@ -8,6 +8,7 @@ The structure is all that a kernel scene contains but the numbers in its arrays.
 differs, the pass is traced anew. The bits are those of a pass that is traced (tests/test_live_replay.py).
 """
 
+import gc
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
@@ -22,9 +23,10 @@ from visray.features import Features
 from visray.kernel_scene import KernelScene
 from visray.moments import Moments
 from visray.sampling import SamplePlan
+from visray.scene.garbage import uncollected
 from visray.setup import Prepared
 
-# Number of structures whose recordings are kept. Each slider that switches an effect on and off makes two.
+# Number of structures whose recordings are kept. A slider that switches an effect on and off has two.
 KEPT = 12
 # A structure that must be recorded more often than this is traced each time: replaying it saves nothing.
 MOST_RECORDINGS = 6
@@ -148,7 +150,11 @@ class _Recorded:
             self.recordings += 1
             made = self._traced(arrays, numbers, x, y, moments.arrays)
         else:
-            made = self.frozen(arrays, numbers, x, y, moments.arrays)
+            # If an array that reads NumPy's memory ends while Dr.Jit records, the process is ended.
+            if not self.frozen.n_recordings:
+                gc.collect()
+            with uncollected():
+                made = self.frozen(arrays, numbers, x, y, moments.arrays)
         if self.counted:
             return Moments(*made)
         return Moments(*made[:2], moments.coverage, *made[2:], moments.open_coverage)

@@ -344,8 +344,9 @@ def test_the_pose_of_a_page_is_that_of_its_picture(shown, opened):
     space, camera = shown.live.space, replace(BALL.camera, origin=(6.0, 1.0, 0.0))
     page.look(*(lambda p: (p.position, p.look_at))(pose_of(camera, space)))
     client = newest(shown)
+    eventually(lambda: not client.at_home)
     np.testing.assert_allclose(client.camera.origin, camera.origin, atol=1e-12)
-    assert not client.at_home and client.camera.fov == camera.fov
+    assert client.camera.fov == camera.fov
     page.look(*(lambda p: (p.position, p.look_at))(pose_of(BALL.camera, space)))
     eventually(lambda: client.at_home)
     assert client.camera is shown.live.engine.scene.camera
@@ -393,6 +394,7 @@ def test_a_camera_that_is_set_takes_all_pages_along(shown, opened):
     page = opened()
     page.look(position=(9.0, 1.0, 1.0))
     client = newest(shown)
+    eventually(lambda: not client.at_home)
     shown.live.engine.assign({"camera.fov": 30.0})
     eventually(lambda: client.camera.fov == 30.0)
     assert not client.at_home

@@ -85,7 +85,7 @@ accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprin
 accel.policy accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
 accel.ray_segment accel.origin accel.traversal
 accel.intersect accel
-prepared_lights
+prepared_lights needed_materials
 ray_families
 kernel_scene
 interaction

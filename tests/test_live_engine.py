@@ -305,8 +305,9 @@ def test_ctrl_c_ends_a_program(tmp_path):
 def test_seeing_a_scene_makes_only_the_view_anew():
     with running() as (engine, watcher):
         one = engine.ask(lambda prepared: prepared, watcher.viewer).result(60)
-        watcher.viewer.look(camera=vr.Camera(origin=(1.0, 1.0, 5.0)))
-        finished(watcher, engine)
+        camera = vr.Camera(origin=(1.0, 1.0, 5.0))
+        watcher.viewer.look(camera=camera)
+        assert until(lambda: watcher.viewer.shown and watcher.viewer.shown[0] == camera)
         other = engine.ask(lambda prepared: prepared, watcher.viewer).result(60)
     assert other.kernel.geometry.batches is one.kernel.geometry.batches
     assert other.kernel.lights is one.kernel.lights

@@ -13,16 +13,15 @@ import drjit as dr
 import numpy as np
 
 from visray import nesting
-from visray.accel import policy
 from visray.accel.lists import camera_sheet
 from visray.accel.origin import Geometry, RayOrigin
 from visray.accel.parallel_lists import ParallelLists
 from visray.batches import Batch, place, repainted
 from visray.camera import ParallelView, View
-from visray.columns import BackSide, Columns, Looks
 from visray.features import Features
 from visray.images import Atlas
 from visray.materials import Material
+from visray.needed_materials import asked_fields, needed, with_needed
 from visray.pack import Packed
 from visray.prepared_lights import (
     LightBatch,
@@ -34,8 +33,8 @@ from visray.prepared_lights import (
     parallel_lists_of,
     prepared_lights,
 )
-from visray.pytree import Packets, evaluated, leaves, mapped, rows
-from visray.quantities import Arrays, quantities
+from visray.pytree import evaluated, leaves, mapped, rows
+from visray.quantities import Arrays
 from visray.ray_families import shared_by
 from visray.sampling import SampleSet
 from visray.scene.scene import Scene, Settings, SkyGradient
@@ -144,7 +143,7 @@ def kernel_scene(
     settings, occlusion, scatter = scene.settings, scene.settings.occlusion, scene.settings.scatter
     geometry = _geometry(packed, a, settings, previous)
     ranks = _ranks(packed, scene, features, a, previous)
-    looks = (_with_needed(*pair, features, a, rank) for *pair, rank in zip(geometry.batches, packed.batches, ranks))
+    looks = (with_needed(*pair, features, a, rank) for *pair, rank in zip(geometry.batches, packed.batches, ranks))
     geometry = geometry.with_looks(tuple(looks))
     view = packed.camera.view(scene.film.width, scene.film.height, a)
     lights_ambient = ambient_of_lights(packed.lights, a)
@@ -176,7 +175,7 @@ def kernel_scene(
         ambient=packed.ambient,
         lights_ambient=lights_ambient,
         occlusion_distance=packed.occlusion.distance,
-        zero_material=mapped(lambda x: type(x)(0), _needed(rows(packed.materials, a.U(0)), features)),
+        zero_material=mapped(lambda x: type(x)(0), needed(rows(packed.materials, a.U(0)), features)),
         bounce_limits=(dr.opaque(a.U, settings.depth), dr.opaque(a.U, scatter.depth if scatter.rays else 0)),
         atlas=atlas,
         sample_sets={name: SampleSet.of(a, n) for name, n in counts.items()},
@@ -184,7 +183,7 @@ def kernel_scene(
         transparent=scene.film.transparent,
         attached=attached,
         in_waves=in_waves,
-        asked=_asked(packed.materials, geometry.batches, attached and features["bilinear"]),
+        asked=asked_fields(packed.materials, geometry.batches, attached and features["bilinear"]),
         brute_force=brute_force,
     )
 
@@ -250,55 +249,6 @@ def _ranks(
     if same and all(new is old for new, old in zip(packed.batches, previous[0].batches)):
         return [batch.rank for batch in previous[1].batches]
     return nesting.ranks(scene, packed.batches, a)
-
-
-# The effects that read these fields of a material. If none of them is simulated, the kernel leaves the field out. All
-# other fields are always read.
-FIELD_READERS = {
-    "ks": ("specular",),
-    "shininess": ("specular",),
-    "kr": ("reflection", "scatter"),
-    "kt": ("refraction", "coloured shadows", "scatter"),
-    "ior": ("refraction",),
-    "dmax": ("coloured shadows",),
-    "shading": ("unlit",),
-}
-
-
-def _needed(material: Material, features: Features) -> Material:
-    """The materials, with None for each field that no effect of the scene reads."""
-    unused = [name for name, effects in FIELD_READERS.items() if not any(features[e] for e in effects)]
-    return replace(material, **dict.fromkeys(unused))
-
-
-def _asked(materials: Material, batches: tuple[Batch, ...], attached_textures: bool) -> frozenset[str]:
-    """Names of the fields of materials that carry derivatives: their own, those of the colours of rows, or those of the
-    colour of a texture that changes from point to point."""
-    looks = (batch.looks.material for batch in batches if batch.looks is not None)
-    tables = materials, *(batch.material for batch in batches), *looks
-    own = (name for name in quantities(Material) if any(dr.grad_enabled(getattr(x, name)) for x in tables))
-    return frozenset(own) | (frozenset({"kd"}) if attached_textures else frozenset())
-
-
-def _with_needed(batch: Batch, columns: Columns, features: Features, a: Arrays, rank: Any) -> Batch:
-    """The batch with the ranks of its rows, and with only those numbers of its materials that effects of the scene
-    read."""
-    sides = _needed_sides(batch, columns, features)
-    tables = sides["material"], sides["back"] and sides["back"].material
-    many = dr.width(batch.object) > policy.MAX_INLINED and not dr.grad_enabled(leaves(tables))
-    packets = evaluated(Packets.of(a.Q32, tables)) if many and a.F is a.F32 else None
-    looks = batch.looks and replace(batch.looks, **_needed_sides(batch.looks, columns.looks, features))
-    return replace(batch, packets=packets, rank=rank, looks=looks, **sides)
-
-
-def _needed_sides(shown: Batch | Looks, columns: Columns | Looks, features: Features) -> dict[str, Any]:
-    """The fields `material` and `back` of a batch or of looks, as a dict, with what effects of the scene read."""
-    back = None
-    if features["two-sided"]:
-        # If the effect is forced although no material of the scene has a back, the back is as the front.
-        back = BackSide(shown.material, shown.texture) if columns.back is None else shown.back
-    back = back and replace(back, material=_needed(back.material, features))
-    return {"material": _needed(shown.material, features), "back": back}
 
 
 def _needs_waves(packed: Packed, geometry: Geometry, features: Features) -> bool:

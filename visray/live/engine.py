@@ -10,13 +10,14 @@ from dataclasses import replace
 from typing import Any
 
 from visray import clock
+from visray.live.asking import Asking
 from visray.live.jobs import Jobs
 from visray.live.pace import Pace
 from visray.live.picture import LivePicture
 from visray.live.replay import Replays
 from visray.live.seeing import has_lists, seen
 from visray.live.state import State
-from visray.live.telling import Telling, lines_of
+from visray.live.telling import lines_of
 from visray.live.viewer import Viewer
 from visray.live.wishes import Change, Wishes
 from visray.scene.scene import Scene
@@ -31,7 +32,7 @@ LISTS = 0.02
 PATIENCE = 30.0
 
 
-class Engine:
+class Engine(Asking):
     """Renders a scene for viewers, in a thread of its own.
 
     changes: number of changes so far, of the scene or of its effects
@@ -40,13 +41,12 @@ class Engine:
     """
 
     def __init__(self, scene: Scene, *, target: float = 0.01):
+        super().__init__()
         self.target, self.changes = target, 0
         self.viewers: list[Viewer] = []
         self._state = State(scene, {})
-        self._wishes, self._jobs = Wishes(), Jobs()
-        self._wake, self._lock, self._stopped = threading.Event(), threading.RLock(), False
-        self._telling, self._replays = Telling(), Replays()
-        self._moves_in_tree = False
+        self._jobs, self._replays = Jobs(), Replays()
+        self._stopped = self._moves_in_tree = False
         self._thread = threading.Thread(target=self._run, name="visray live", daemon=True)
 
     @property
@@ -102,34 +102,6 @@ class Engine:
         with self._lock:
             self.viewers = [v for v in self.viewers if v is not viewer]
 
-    def assign(self, values: Mapping[str, Any]) -> None:
-        """Changes values of the scene, by address."""
-        self._wish(lambda wishes: wishes.with_values(values))
-
-    @property
-    def wished(self) -> Mapping[str, Any]:
-        """Values that were asked for and that the scene does not have yet, by address."""
-        with self._lock:
-            return self._wishes.values
-
-    @property
-    def seeks(self) -> bool:
-        """Whether a moment was asked for that is not the one of the scene yet."""
-        with self._lock:
-            return self._wishes.seconds is not None
-
-    def seek(self, seconds: float) -> None:
-        """Shows another moment of an animated scene."""
-        self._wish(lambda wishes: replace(wishes, seconds=seconds))
-
-    def show(self, scene: Scene) -> None:
-        """Shows another scene. All changes so far are forgotten."""
-        self._wish(lambda wishes: replace(wishes, scene=scene, values={}))
-
-    def leave_out(self, names: tuple[str, ...]) -> None:
-        """Simulates all effects of the scene but these."""
-        self._wish(lambda wishes: replace(wishes, left_out=tuple(names)))
-
     def ask(self, work: Callable[[Prepared], Any], viewer: Viewer | None = None) -> Future:
         """The result of some work in the thread that renders, between two steps. It is cancelled when the engine stops.
 
@@ -140,25 +112,6 @@ class Engine:
         if self._stopped:
             self._jobs.cancel()
         return future
-
-    def on_scene(self, callback: Callable[[Change], None]) -> None:
-        """Calls a function after each change of the scene, in the thread that renders."""
-        self._telling.listen("scene", callback)
-
-    def on_error(self, callback: Callable[[tuple[str, ...]], None]) -> None:
-        """Calls a function with the lines of each error, and with () when all is well again."""
-        self._telling.listen("error", callback)
-
-    def on_busy(self, callback: Callable[[str | None], None]) -> None:
-        """Calls a function with what the engine does when pictures have to wait for it, such as "compiling", and with
-        None when it is done."""
-        self._telling.listen("busy", callback)
-
-    def _wish(self, change: Callable[[Wishes], Wishes]) -> None:
-        """Changes the wishes, and wakes the thread that renders."""
-        with self._lock:
-            self._wishes = change(self._wishes)
-        self._wake.set()
 
     # The thread that renders.
 

@@ -134,3 +134,13 @@ def test_garbage_is_not_collected_while_a_pass_is_recorded():
     program = GARBAGE.format(tests=str(Path(__file__).parent))
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (ended.stdout, ended.returncode) == ("True\n", 0), ended.stderr
+
+
+def test_loops_over_all_rows_are_right_too():
+    scene = balls(40)
+    plain = prepare(adjusted(scene, sampler="sobol", accelerator="none"))
+    assert plain.kernel.geometry.plan("origin").looped
+    replays = Replays()
+    for turn in range(10):
+        moved = vr.Camera(origin=(0.2 * turn, 1.0, 5.0))
+        assert same(replays, seen(plain, moved, (16, 12), True), 2)

@@ -37,6 +37,8 @@ STEADY = 1.35
 LEAST_SAMPLES, MOST_SAMPLES = 16, 4096
 # Seconds after a change from which on the legend is drawn, which takes longer than a step.
 LEGEND = 0.6
+# Number of pixels of which moments without samples are kept, 50 MB.
+MOST_SHARED = 2**19
 # Seconds of a sweep over all pixels from which on users are told that the scene takes long.
 LONG = 4.0
 
@@ -225,7 +227,10 @@ class LivePicture:
         return rgb if self._legend is None else self._legend.over(rgb)
 
 
-@lru_cache(maxsize=4)
 def nothing(a: Arrays, n: int) -> Moments:
-    """Moments of n pixels without samples. The first states of all pictures share them; nothing changes them."""
-    return Moments.empty(a, n)
+    """Moments of n pixels without samples. The first states of all pictures share those of a size, unless they need
+    much memory; nothing changes them."""
+    return _shared(a, n) if n <= MOST_SHARED else Moments.empty(a, n)
+
+
+_shared = lru_cache(maxsize=4)(Moments.empty)

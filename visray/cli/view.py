@@ -96,8 +96,8 @@ def show_live(
                 "read as textures"
             )
         terminal.write_line(f"{name}: {shown.url} (Ctrl-C ends)")
-        if browser and _has_windows():
-            shown.open()
+        if browser and _has_windows() and not shown.open():
+            terminal.note("no browser opens here; open the address in one yourself")
         shown.wait()
     except KeyboardInterrupt:
         pass  # as in `wait`

@@ -3,6 +3,8 @@
 import errno
 import ipaddress
 import socket
+import threading
+from collections.abc import Collection
 from importlib.util import find_spec
 from typing import Any
 from urllib.parse import urlsplit
@@ -77,25 +79,61 @@ def chosen_port(host: str, port: int | None) -> int:
     raise UserError(f"--port = {first}: is taken by another program; {advice}")
 
 
-def is_welcome(host: str, headers: Any) -> bool:
+def own_names(host: str) -> set[str]:
+    """Names of this machine, in small letters. One that only its network knows may come a little later.
+
+    host: where the server listens
+    """
+    full = socket.gethostname().lower()
+    short = full.partition(".")[0]
+    names = {"localhost", host.lower(), full, short, f"{short}.local"} - {""}
+    if not is_local(host):
+        # Others are asked for it, who may not answer.
+        threading.Thread(target=lambda: names.add(socket.getfqdn().lower()), daemon=True).start()
+    return names
+
+
+def is_welcome(host: str, headers: Any, names: Collection[str] = ()) -> bool:
     """Whether a request comes from a page of this server, and not from a page of another site that a browser on this
     machine shows.
 
     host: where the server listens
     headers: headers of the request, by name
+    names: own_names(host)
     """
-    origin, asked = headers.get("Origin"), headers.get("Host", "")
-    named = urlsplit(f"//{asked}").hostname or ""
-    # A site that gives its own name the address of this machine is no page of this server either.
-    if is_local(host) and not is_local(named):
-        return False
-    return origin is None or urlsplit(origin).netloc.lower() == asked.lower()
+    try:
+        origin, asked = headers.get("Origin"), headers.get("Host") or ""
+        named = (urlsplit(f"//{asked}").hostname or "").rstrip(".")
+        # A site that gives its own name the address of this machine is no page of this server either.
+        if not (is_local(named) if is_local(host) else _is_address(named) or named in names):
+            return False
+        return origin is None or urlsplit(origin).netloc.lower() == asked.lower()
+    except (ValueError, LookupError):
+        return False  # no address, or two of them
+
+
+def refusal(host: str) -> str:
+    """What those read who are not welcome."""
+    if is_local(host):
+        return f"Only {LOCAL} is answered here, and no page of another site.\n"
+    return (
+        "Only the addresses and names of this machine are answered here, and no page of another site. Use its number, "
+        "as in http://192.168.1.5:8080, or start with the name: --host NAME\n"
+    )
 
 
 def url_of(host: str, port: int) -> str:
     """The address for a browser on this machine."""
     shown = "localhost" if host in ("0.0.0.0", "::", "") else f"[{host}]" if ":" in host else host
     return f"http://{shown}:{port}"
+
+
+def _is_address(name: str) -> bool:
+    """Whether a name is the number of a machine, which no site can have as its name."""
+    try:
+        return bool(ipaddress.ip_address(name))
+    except ValueError:
+        return False
 
 
 def _taken() -> tuple[int, ...]:

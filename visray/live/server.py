@@ -3,7 +3,6 @@
 import json
 import math
 import threading
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from visray import terminal
 from visray.errors import UserError
 from visray.live import guard, parts
 from visray.live.client import Client, camera_of_scene
+from visray.live.door import guarded_server
 from visray.live.engine import Change, Engine
 from visray.live.live import Live
 from visray.live.viewpoint import Pose, Space, page_fov, pose_of
@@ -43,21 +43,14 @@ def serve(
     load: Callable[[], Scene] | None = None,
 ) -> Live:
     """Starts a live picture. host, port: where its server listens; the port is free."""
-    import viser
-
-    # A browser may leave at any time, also while its page is built.
-    warnings.filterwarnings("ignore", "Queued a .* on a closed connection")
-    engine = Engine(scene, target=target).start()
-    with silent_rich():
-        server = viser.ViserServer(host=host, port=port, label=name, verbose=False)
+    server = guarded_server(host, port, terminal.printable(name))
     if server.get_port() != port:
         with silent_rich():
             server.stop()
-        engine.stop()
         guard.chosen_port(host, port)
         raise UserError(f"--port = {port}: another program has just taken it; try again")
+    engine = Engine(scene, target=target).start()
     live = Live(engine, server, name, Space.around(camera_of_scene(engine)), file, list(command), load)
-    _refuse_others(server, host)
     _dress(server, name)
     _set_home(live)
     engine.on_scene(lambda change: _scene_changed(live, change))
@@ -114,14 +107,19 @@ def _dress(server: Any, name: str) -> None:
 
 
 def _look(client: Client, camera: Any) -> None:
-    """A browser says where its camera is."""
-    up = tuple(camera.up_direction)
-    w, x, y, z = camera.wxyz
+    """A browser says where its camera is. What is no camera is not followed."""
+    try:
+        place, target, up, (w, x, y, z) = (
+            tuple(map(float, v)) for v in (camera.position, camera.look_at, camera.up_direction, camera.wxyz)
+        )
+        window = int(camera.image_width), int(camera.image_height)
+    except (TypeError, ValueError, OverflowError):
+        return
+    if any(len(v) != 3 for v in (place, target, up)):
+        return
     # The second column of the rotation, which is downwards in the picture.
     true_up = (-2 * (x * y - w * z), -(1 - 2 * (x * x + z * z)), -2 * (y * z + w * x))
-    client.look(
-        Pose(tuple(camera.position), tuple(camera.look_at), up, true_up), (camera.image_width, camera.image_height)
-    )
+    client.look(Pose(place, target, up, true_up), window)
 
 
 def _set_home(live: Live) -> None:
@@ -140,15 +138,3 @@ def _scene_changed(live: Live, change: Change) -> None:
             _set_home(live)
         for client in list(live.clients.values()):
             client.rebased(change)
-
-
-def _refuse_others(server: Any, host: str) -> None:
-    """Closes connections that come from pages of other sites."""
-    websockets = server._websock_server
-
-    async def check(connection: Any) -> None:
-        socket = websockets._live_connections.get(connection.client_id)
-        if socket is not None and not guard.is_welcome(host, socket.request.headers):
-            await socket.close(1008, "this page is of another site")
-
-    websockets.on_client_connect(check)

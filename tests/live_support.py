@@ -20,11 +20,11 @@ def small_scene(**fields):
 
 
 class Watcher:
-    """A viewer, and all states that it got."""
+    """A viewer, all states that it got, and the lines of all errors that it was told."""
 
     def __init__(self, size=(48, 32), camera=None):
-        self.frames, self.news = [], threading.Condition()
-        self.viewer = Viewer(self._send, size, camera)
+        self.frames, self.told, self.news = [], [], threading.Condition()
+        self.viewer = Viewer(self._send, size, camera, self.told.append)
 
     def _send(self, frame):
         with self.news:

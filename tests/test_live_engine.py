@@ -99,12 +99,35 @@ def test_a_viewer_whose_function_fails_holds_up_nobody():
         broken = Watcher(SIZE)
         broken.viewer.send = lambda frame: 1 / 0
         engine.add(broken.viewer)
-        assert until(lambda: engine.told)
-        assert engine.told[-1] == ("internal error: ZeroDivisionError: division by zero",)
+        assert until(lambda: broken.told)
+        assert broken.told == [("internal error: ZeroDivisionError: division by zero",)]
         engine.remove(broken.viewer)
         engine.assign({"objects.ball.radius": 0.4})
         finished_after(watcher, engine, 1)
-        assert engine.told[-1] == ()
+        assert engine.told == watcher.told == []
+
+
+def test_an_error_of_one_view_is_told_there_alone_until_it_is_good_again():
+    with running(watchers=2) as (engine, one, two):
+        two.viewer.look(camera=vr.Camera(origin=(0.0, 0.0, 1e-320)))
+        assert until(lambda: two.told)
+        assert two.told[0][0].startswith("camera.target = ")
+        engine.assign({"objects.ball.radius": 0.4})
+        finished_after(one, engine, 1)
+        assert len(two.told) == 1
+        two.viewer.look(camera=vr.Camera(origin=(0.0, 2.0, 6.0)))
+        finished(two, engine)
+        assert two.told[1:] == [()]
+        assert engine.told == one.told == []
+
+
+def test_a_listener_to_errors_of_a_view_may_fail():
+    with running() as (engine, watcher):
+        watcher.viewer.fail = lambda lines: 1 / 0
+        watcher.viewer.look(camera=vr.Camera(origin=(0.0, 0.0, 1e-320)))
+        assert until(lambda: engine.told)
+        assert engine.told[-1] == ("internal error: ZeroDivisionError: division by zero",)
+        assert engine.ask(lambda prepared: 3).result(60) == 3
 
 
 def test_refused_values_are_told_and_the_others_count():
@@ -228,11 +251,11 @@ def test_errors_of_the_program_are_told(monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(LivePicture, "step", lambda self: {}["lost"])
             engine.assign({"objects.ball.radius": 0.3})
-            assert until(lambda: engine.told and engine.told[-1])
-            assert engine.told[-1] == ("internal error: KeyError: 'lost'",)
+            assert until(lambda: watcher.told)
+            assert watcher.told == [("internal error: KeyError: 'lost'",)]
         engine.assign({"objects.ball.radius": 0.4})
         finished_after(watcher, engine, 2)
-        assert engine.told[-1] == ()
+        assert watcher.told[1:] == [()]
 
 
 def test_a_listener_that_fails_is_told(monkeypatch):

@@ -170,21 +170,47 @@ def blurred(
 
     Shapes: (N) for keys, first, count.
     """
-    sweeps, end = Sweeps.of(prepared), first + count
     sums = Moments(*(type(x)(x) for x in before.arrays))
-    for number, (begin, last) in enumerate(sweeps.ranges(int(end.max()))):
-        done, stop = np.clip(first, begin, last), np.clip(end, begin, last)
+    for _ in blurring(prepared, sums, keys, first, count, launch):
+        pass
+    return sums
+
+
+def blurring(
+    prepared: Prepared,
+    sums: Moments,
+    keys: np.ndarray,
+    first: np.ndarray,
+    count: np.ndarray,
+    launch: Launch,
+    most: int | None = None,
+) -> Iterator[None]:
+    """As `blurred`, but by and by: writes the moments after each launch into `sums`, and yields. When it ends, they are
+    those of all samples.
+
+    sums: moments of the lanes.
+    most: number of samples of a launch, as long as lanes have more than one each; None: any.
+    """
+    sweeps, end = Sweeps.of(prepared), first + count
+    for number, (start, last) in enumerate(sweeps.ranges(int(end.max()))):
+        done, stop = np.clip(first, start, last), np.clip(end, start, last)
         if (stop == done).all():
             continue
         shift = (_hashed(keys, number) >> 16).astype(np.int64)
         for at in range(sweeps.moments):
-            now = np.clip(sweeps.end_of(at, begin, last, shift), done, stop)
+            now = np.clip(sweeps.end_of(at, start, last, shift), done, stop)
             if (lanes := np.flatnonzero(now > done)).size:
                 # A single lane would need a kernel of its own, so it is computed twice. Both write the same value.
                 lanes = np.repeat(lanes, 2) if len(lanes) == 1 else lanes
-                _add_samples(prepared.a, sums, prepared.shutter.kernel(at), lanes, done[lanes], now[lanes], launch)
+                kernel, begin, each = prepared.shutter.kernel(at), done[lanes], int((now - done).max())
+                each = max(min(each, (most or each * len(lanes)) // len(lanes)), 1)
+                # All lanes stay, also those that have their samples: so the launches have one size.
+                while (begin < now[lanes]).any():
+                    reached = np.minimum(begin + each, now[lanes])
+                    _add_samples(prepared.a, sums, kernel, lanes, begin, reached, launch)
+                    begin = reached
+                    yield
             done = now
-    return sums
 
 
 def _add_samples(

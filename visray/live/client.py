@@ -65,7 +65,7 @@ class Client:
         self._arrived = False
         self._lock = threading.RLock()
         self.sender = Sender(shower(handle))
-        self.viewer = Viewer(self._show, picture_size(self.window), self.base)
+        self.viewer = Viewer(self._show, picture_size(self.window), self.base, lambda lines: live.failed(self, lines))
 
     @property
     def at_home(self) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 
 from visray import clock
 from visray.live.asking import Asking
+from visray.live.blur import moves, opened
 from visray.live.jobs import Jobs
 from visray.live.pace import Pace
 from visray.live.picture import LivePicture
@@ -187,28 +188,40 @@ class Engine(Asking):
         viewer.shown, viewer.picture, viewer.has_state = wanted, None, False
         viewer.change, viewer.begun = self.changes, clock.now()
         try:
+            self._prepared()
+        except Exception as error:
+            # It is the same for all viewers.
+            self._telling.busy(None)
+            self._telling.error(lines_of(error))
+            return True
+        try:
             viewer.picture = self._picture(viewer)
         except Exception as error:
-            self._failed(error)
+            self._failed(viewer, error)
         return True
 
-    def _failed(self, error: Exception) -> None:
-        """An error has ended some work. It is told, and the thread goes on."""
+    def _failed(self, viewer: Viewer, error: Exception) -> None:
+        """An error has ended a viewer's picture. The viewer is told, and the thread goes on."""
         self._telling.busy(None)
-        self._telling.error(lines_of(error))
+        try:
+            viewer.failed(error)
+        except Exception as other:
+            self._telling.error(lines_of(other))
 
     def _picture(self, viewer: Viewer) -> LivePicture:
         """A new picture for a viewer."""
-        self._prepared()
         begun = clock.now()
         prepared, rest = self._seen(viewer, lists=not self._moves_in_tree), None
         viewer.moving.placed(clock.now() - begun)
         if viewer.moving.before > LISTS and has_lists(prepared):
             self._moves_in_tree, viewer.moving = True, Pace()
             prepared = self._seen(viewer, lists=False)
-        if self._moves_in_tree:
+        state, is_blurred = self._state, moves(self._state)
+        if is_blurred:
+            rest = lambda: (opened(self._seen(viewer, lists=True), state), viewer.resting)  # noqa: E731 - bound
+        elif self._moves_in_tree:
             rest = lambda: (self._seen(viewer, lists=True), viewer.resting)  # noqa: E731 - bound to this viewer
-        return LivePicture(prepared, self.target, viewer.moving, self._replays, rest)
+        return LivePicture(prepared, self.target, viewer.moving, self._replays, rest, is_blurred)
 
     def _step(self, viewer: Viewer) -> None:
         """Computes and sends the next state of a viewer's picture."""
@@ -218,7 +231,8 @@ class Engine(Asking):
             self._telling.busy(None)
             viewer.has_state = True
             viewer.send(replace(frame, seconds=clock.now() - viewer.begun, change=viewer.change))
+            viewer.failed(None)
         except Exception as error:
             # Without a picture, nothing is tried again until something changes.
             viewer.picture = None
-            self._failed(error)
+            self._failed(viewer, error)

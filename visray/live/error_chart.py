@@ -126,7 +126,13 @@ class ErrorChartPart:
 
 def begins_anew(before: Frame, frame: Frame) -> bool:
     """Whether a state is of another picture than the state before it."""
-    return frame.change != before.change or frame.seconds < before.seconds or frame.grain > before.grain
+    return (
+        frame.change != before.change
+        or frame.seconds < before.seconds
+        or frame.grain > before.grain
+        # With motion blur, samples are taken anew.
+        or (frame.grain == before.grain == 1 and frame.samples < before.samples)
+    )
 
 
 def chart(course: Course, target: float) -> dict[str, Any]:

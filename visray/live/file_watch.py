@@ -11,6 +11,8 @@ from visray.scene.scene import Scene
 from visray.scene.source import read
 from visray.scene.write import files_of
 
+# Number of bytes of a scene file from which on it is told before it is read: nothing else goes on meanwhile.
+LARGE = 2 * 10**7
 # Keys of a scene file under which paths of files are.
 FILE_KEYS = ("file", "source")
 
@@ -22,12 +24,20 @@ class FileWatch:
     load: reads the scene
     scene: the scene that the file had when it was last right
     lines: what is wrong with the file now; () if nothing is
+    tell: says a sentence in passing
 
     A file that changes is read when it has not changed for one look, because programs may write it in several steps.
     """
 
-    def __init__(self, file: Path, load: Callable[[], Scene], scene: Scene, others: Iterable[Path] = ()):
-        self.file, self.load, self.scene, self.others = file, load, scene, tuple(map(str, others))
+    def __init__(
+        self,
+        file: Path,
+        load: Callable[[], Scene],
+        scene: Scene,
+        others: Iterable[Path] = (),
+        tell: Callable[[str], None] = lambda text: None,
+    ):
+        self.file, self.load, self.scene, self.others, self.tell = file, load, scene, tuple(map(str, others)), tell
         self.lines: tuple[str, ...] = ()
         self._names = files_of(scene)
         self._hash = scene.hash()
@@ -50,6 +60,12 @@ class FileWatch:
         if not self.file.exists():
             self.lines = (f"{self.file}: has been deleted or renamed; its last content is shown",)
             return None
+        # A pipe must not be opened: that would wait for a writer.
+        if odd := [x for x in (self.file, *map(Path, self.others)) if x.exists() and not (x.is_file() or x.is_dir())]:
+            self.lines = (f"{odd[0]}: is not a regular file; the last scene is shown until it is one",)
+            return None
+        if (size := self.file.stat().st_size) > LARGE:
+            self.tell(f"{self.file.name} has {size / 1e6:.0f} MB; the picture waits while it is read")
         try:
             scene = self.load()
             _check_images(scene)

@@ -13,6 +13,7 @@ In it, a part
 - follows clicks: `live.on_pick`, and what ends: `live.on_stop`
 - does work with Dr.Jit: `live.ask(lambda prepared: ..., client)`, not in the thread that renders
 - says errors that stay until they are mended: `live.say_errors("file", lines)`; () when all is well again
+- follows errors that a single browser has: `live.on_fail`
 - says a sentence in passing: `live.tell("heart.json: written")`
 - wraps callbacks of widgets: `@live.safely`, so that an error is told in the page and never lost.
 
@@ -92,6 +93,7 @@ class Live:
     _frame_listeners: list[Callable] = field(default_factory=list)
     _pick_listeners: list[Callable] = field(default_factory=list)
     _error_listeners: list[Callable] = field(default_factory=list)
+    _fail_listeners: list[Callable] = field(default_factory=list)
     _stop_listeners: list[Callable] = field(default_factory=list)
 
     def on_client(self, callback: Callable[["Client"], None]) -> None:
@@ -114,6 +116,11 @@ class Live:
     def on_errors(self, callback: Callable[[dict[str, tuple[str, ...]]], None]) -> None:
         """Calls a function with the errors of all sources after each change of them."""
         self._error_listeners.append(callback)
+
+    def on_fail(self, callback: Callable[["Client", tuple[str, ...]], None]) -> None:
+        """Calls a function with a browser and the lines of an error that only this one has; () when it sees a picture
+        again. It is called in the thread that renders."""
+        self._fail_listeners.append(callback)
 
     def on_stop(self, callback: Callable[[], None]) -> None:
         """Calls a function when the live picture ends."""
@@ -146,6 +153,10 @@ class Live:
     def shown(self, client: "Client", frame: Any) -> None:
         """A browser's picture has a new state."""
         self._call(self._frame_listeners, client, frame)
+
+    def failed(self, client: "Client", lines: tuple[str, ...]) -> None:
+        """A browser sees nothing because of an error, or a picture again."""
+        self._call(self._fail_listeners, client, lines)
 
     def picked(self, pick: Pick) -> None:
         """A browser has clicked on its picture."""

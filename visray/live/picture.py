@@ -16,6 +16,7 @@ import numpy as np
 from visray import clock
 from visray.film import Film
 from visray.legend.layer import has_legend
+from visray.live.blurring import Blurring
 from visray.live.closeness import Closeness, error_of
 from visray.live.frame import Frame
 from visray.live.grids import Grid, grains, grid, parts_of
@@ -24,6 +25,7 @@ from visray.live.pace import Pace
 from visray.live.replay import Replays
 from visray.live.screen import Screen
 from visray.moments import Moments
+from visray.motion_blur import FIRST_SWEEP
 from visray.passes import PACKET, empty_film, spread_lanes
 from visray.quantities import Arrays
 from visray.setup import Prepared
@@ -37,6 +39,8 @@ STEADY = 1.35
 LEAST_SAMPLES, MOST_SAMPLES = 16, 4096
 # Seconds after a change from which on the legend is drawn, which takes longer than a step.
 LEGEND = 0.6
+# Seconds after a change from which on motion blur is computed. The picture begins anew then.
+REST = 0.5
 # Number of pixels of which moments without samples are kept, 50 MB.
 MOST_SHARED = 2**19
 # Seconds of a sweep over all pixels from which on users are told that the scene takes long.
@@ -60,8 +64,9 @@ class LivePicture:
     target: error at which the picture is finished
     pace: what is known of the duration of steps
     replays: recordings of passes
-    rest: the same scene, prepared so that samples are faster, and the pace of its steps; a function, as this may take
-        longer than a step. None: there is no such scene
+    rest: the same scene, prepared so that samples are faster, or with its shutter open, and the pace of its steps; a
+        function, as this may take longer than a step. None: there is no such scene
+    is_blurred: whether `rest` may open the shutter. Then the picture is sharp at first, and blurred when it rests
     """
 
     def __init__(
@@ -71,9 +76,11 @@ class LivePicture:
         pace: Pace,
         replays: Replays | None = None,
         rest: Callable[[], tuple[Prepared, Pace]] | None = None,
+        is_blurred: bool = False,
     ):
         self.prepared, self.target, self.pace, self.rest = prepared, target, pace, rest
-        self.replays = replays or Replays()
+        self.replays, self._waits = replays or Replays(), is_blurred
+        self._blurring: Blurring | None = None
         film = prepared.scene.film
         self.size = film.width, film.height
         self.screen = Screen(prepared.a, self.size, film.transparent)
@@ -116,8 +123,11 @@ class LivePicture:
         """The next state of the picture. Domain: it is not finished."""
         if not self._todo:
             self._next_sweep()
-        part = self._todo.pop(0)
-        mean = self._sampled(part, self._goal)
+        part = self._todo[0]
+        mean = self._blurred(part) if self.prepared.shutter else self._sampled(part, self._goal)
+        if mean is None:
+            return self._frame()
+        self._todo.pop(0)
         self._done += dr.width(part.grid.cells)
         if self._whole.grain == 1:
             part.closeness.update(self.prepared.a, mean, part.count)
@@ -145,6 +155,19 @@ class LivePicture:
         self.pace.learn(n * (goal - first), clock.now() - begun, ran)
         return mean
 
+    def _blurred(self, part: Part) -> Any:
+        """Takes samples of a part while the shutter is open, for the time of a step. If these are all samples of the
+        sweep, shows them, and returns the part's mean colours; else returns None."""
+        begun = clock.now()
+        if self._blurring is None:
+            self._blurring = Blurring(self.prepared, self.replays, part.grid, part.moments, part.count, self._goal)
+        if not self._blurring.go_on(begun + LONGEST, int(self.pace.samples(LONGEST))):
+            return None
+        part.moments, part.count, self._blurring = self._blurring.moments, self._goal, None
+        mean = self.screen.paint(part.grid, part.moments, part.count)
+        dr.sync_thread()
+        return mean
+
     def _next_sweep(self) -> None:
         """Begins the next sweep: over a finer grid, or over all pixels."""
         a, before = self.prepared.a, self._whole
@@ -153,23 +176,30 @@ class LivePicture:
             room = int(self._room / largest)
             done = self.parts[0].count
             self._goal = min(done + max(min(room, done), 1), MOST_SAMPLES)
+            if self.prepared.shutter:
+                # Sweeps through all moments double (motion_blur.py).
+                self._goal = 2 * done
             self._todo, self._done = list(self.parts), 0
             return
         grain = self._next_grain(before)
         self._whole = whole = grid(a, *self.size, grain)
         self.screen.begin(whole)
-        n, room = len(whole), len(whole)
+        room = len(whole)
         if self.pace.per_sample is not None:
             room = max(int(self._room) // PACKET, 1) * PACKET
-        if n <= room:
-            grids = [whole]
-        else:
-            # Every part is spread over the whole picture. None has a single lane, which would need its own kernel.
-            grids = parts_of(a, whole, np.array_split(spread_lanes(n), min(-(-n // room), n // PACKET)))
-        self._todo = [Part(g, nothing(a, dr.width(g.x))) for g in grids]
+        self._todo = self._new_parts(room)
         self._goal, self._done = 1, 0
         if grain == 1:
             self.parts = list(self._todo)
+
+    def _new_parts(self, room: int) -> list[Part]:
+        """Parts of the whole grid, without samples. room: about the largest number of cells of a part."""
+        a, whole, n = self.prepared.a, self._whole, len(self._whole)
+        grids = [whole]
+        if n > room:
+            # Every part is spread over the whole picture. None has a single lane, which would need its own kernel.
+            grids = parts_of(a, whole, np.array_split(spread_lanes(n), min(-(-n // room), n // PACKET)))
+        return [Part(g, nothing(a, dr.width(g.x))) for g in grids]
 
     def _next_grain(self, before: Grid | None) -> int:
         """Grain of the next sweep. before: the grid of the sweep before, if there was one."""
@@ -196,14 +226,29 @@ class LivePicture:
         count = self.parts[0].count
         self.error = error_of([part.closeness for part in self.parts], self.size[0] * self.size[1])
         is_good = self.error is not None and self.error <= self.target and count >= LEAST_SAMPLES
-        self.finished = is_good or count >= MOST_SAMPLES
-        if self.rest is not None and not self.finished:
-            prepared, pace = self.rest()
-            if pace.per_sample is None:
-                pace.fixed, pace.per_sample = self.pace.fixed, self.pace.per_sample
-            if pace.per_sample <= self.pace.per_sample:
-                self.prepared, self.pace = prepared, pace
-            self.rest = None
+        is_good |= count >= MOST_SAMPLES
+        if self._waits and clock.now() - self._born < REST and count < MOST_SAMPLES:
+            return
+        if self.rest is not None and (self._waits or not is_good):
+            is_good &= not self._begin_rest()
+        self.finished = is_good
+
+    def _begin_rest(self) -> bool:
+        """Goes on with the scene that is prepared for rest. Returns whether the picture begins anew, as its shutter is
+        open."""
+        prepared, pace = self.rest()
+        self.rest, self._waits = None, False
+        if pace.per_sample is None:
+            pace.fixed, pace.per_sample = self.pace.fixed, self.pace.per_sample
+        if prepared.shutter or pace.per_sample <= self.pace.per_sample:
+            self.prepared, self.pace = prepared, pace
+        if prepared.shutter:
+            # A launch takes the samples of one moment: about so many samples of each pixel in the first sweep.
+            each = FIRST_SWEEP / len(prepared.shutter.values)
+            # The sharp picture is seen until a part has its first samples.
+            self.parts = self._new_parts(max(int(self._room / min(each, FIRST_SWEEP)) // PACKET, 1) * PACKET)
+            self._todo, self._goal, self._done, self.error = list(self.parts), FIRST_SWEEP, 0, None
+        return prepared.shutter is not None
 
     def _frame(self) -> Frame:
         """The state as it is now."""
@@ -211,11 +256,15 @@ class LivePicture:
         samples = 1 / whole.grain**2
         if whole.grain == 1:
             samples = sum(part.count * dr.width(part.grid.x) for part in self.parts) / len(whole)
-        note, passing = "", len(grid(self.prepared.a, *self.size, 1)) * (self.pace.per_sample or 0.0)
+        notes, passing = [], len(grid(self.prepared.a, *self.size, 1)) * (self.pace.per_sample or 0.0)
         if passing > LONG:
-            note = f"a sample of each pixel takes about {passing:.0f} s"
+            notes.append(f"a sample of each pixel takes about {passing:.0f} s")
+        if self.prepared.shutter or self._waits:
+            notes.append("with motion blur" if self.prepared.shutter else "sharp; motion blur comes at rest")
         rgb = self._with_legend(self.screen.rgb())
-        return Frame(rgb, self.size, whole.grain, samples, self.error, self.finished, share=share, note=note)
+        return Frame(
+            rgb, self.size, whole.grain, samples, self.error, self.finished, share=share, note=", ".join(notes)
+        )
 
     def _with_legend(self, rgb: np.ndarray) -> np.ndarray:
         """The colours with the legend of the scene, once the picture is at rest."""

@@ -50,7 +50,8 @@ class State:
         state, values = State(scene, edits, time, left_out), dict(wishes.values)
         if scene.animation is not None:
             values |= moment_assignments(scene, time)
-        values = {address: value for address, value in values.items() if not within(address, "animation")}
+        # The prepared scene is of one moment: it has neither an animation nor a shutter.
+        values = {a: x for a, x in values.items() if not (within(a, "animation") or within(a, "camera.shutter"))}
         # Without area lights, the prepared scene has other lights than the scene.
         other_lights = AREA_LIGHTS in left_out and any(within(address, "lights") for address in values)
         other_lights |= (AREA_LIGHTS in left_out) != (AREA_LIGHTS in self.left_out)

@@ -11,6 +11,8 @@ from visray.live.live import Live, escaped
 # Seconds between two states of the line, while the picture changes.
 PAUSE = 0.15
 GREY = "opacity:0.65"
+# Most errors that are shown, and most characters of one: a file may have thousands.
+MOST_ERRORS, LONGEST_ERROR = 8, 600
 
 
 @dataclass(eq=False)
@@ -19,10 +21,12 @@ class _Line:
 
     text: what it says of the picture, as HTML
     label: what stands in the title of the panel
+    errors: shows the errors that only this browser has
     """
 
     client: Client
     widget: Any
+    errors: Any
     text: str = ""
     label: str = ""
     grain: int = 0
@@ -40,11 +44,14 @@ class StatusPart:
         live.on_leave(lambda client: self.lines.pop(client.number, None))
         live.on_frame(self.frame)
         live.on_errors(self.told)
+        live.on_fail(self.failed)
         live.engine.on_busy(self.busy)
 
     def came(self, client: Client) -> None:
         """A browser has come."""
-        self.lines[client.number] = _Line(client, client.handle.gui.add_html(waiting("preparing the scene"), order=-10))
+        gui = client.handle.gui
+        errors = gui.add_html("", order=-19, visible=False)
+        self.lines[client.number] = _Line(client, gui.add_html(waiting("preparing the scene"), order=-10), errors)
 
     def frame(self, client: Client, frame: Frame) -> None:
         """A browser's picture has a new state."""
@@ -68,6 +75,12 @@ class StatusPart:
         """The engine does something that takes long, such as compiling. None: it is done."""
         for line in list(self.lines.values()):
             line.widget.content = waiting(text) if text else line.text
+
+    def failed(self, client: Client, lines: tuple[str, ...]) -> None:
+        """A browser sees nothing because of an error; (): it sees a picture again."""
+        if (line := self.lines.get(client.number)) is not None:
+            line.errors.content = errors_text(list(lines), "This view has no picture")
+            line.errors.visible = bool(lines)
 
     def told(self, errors: dict[str, tuple[str, ...]]) -> None:
         """The errors have changed."""
@@ -105,11 +118,13 @@ def waiting(text: str) -> str:
     return _line("…", text)
 
 
-def errors_text(lines: list[str]) -> str:
-    """Errors as HTML; "" if there are none."""
+def errors_text(lines: list[str], title: str = "The scene has errors") -> str:
+    """Errors as HTML; "" if there are none. title: what they are about."""
     style = "margin:0.4em 0.8em;padding:0.5em 0.7em;border-left:4px solid #c92a2a;background:#fff0f0;color:#7a1010;"
-    items = "".join(f'<div style="margin:0.2em 0;overflow-wrap:anywhere">{escaped(line)}</div>' for line in lines)
-    return f'<div style="{style}font-size:0.85em"><b>The scene has errors</b>{items}</div>' if lines else ""
+    shown = [line if len(line) <= LONGEST_ERROR else f"{line[:LONGEST_ERROR]}…" for line in lines[:MOST_ERRORS]]
+    shown += [f"and {len(lines) - MOST_ERRORS} more"] if len(lines) > MOST_ERRORS else []
+    items = "".join(f'<div style="margin:0.2em 0;overflow-wrap:anywhere">{escaped(line)}</div>' for line in shown)
+    return f'<div style="{style}font-size:0.85em"><b>{title}</b>{items}</div>' if lines else ""
 
 
 def _line(main: str, more: str) -> str:

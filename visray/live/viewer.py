@@ -7,6 +7,7 @@ from typing import Any
 from visray.live.frame import Frame
 from visray.live.pace import Pace
 from visray.live.picture import LivePicture
+from visray.live.telling import lines_of
 
 
 class Viewer:
@@ -16,12 +17,21 @@ class Viewer:
         once.
     size: width and height of the picture in pixels.
     camera: a camera, or None for that of the scene.
+    fail: function that gets the lines of an error that only this viewer has, such as that of a camera in its own
+        target, and () when it sees a picture again. It is called as `send` is.
 
     The other fields belong to the engine (engine.py), in the thread that renders.
     """
 
-    def __init__(self, send: Callable[[Frame], None], size: tuple[int, int], camera: Any = None):
-        self.send = send
+    def __init__(
+        self,
+        send: Callable[[Frame], None],
+        size: tuple[int, int],
+        camera: Any = None,
+        fail: Callable[[tuple[str, ...]], None] = lambda lines: None,
+    ):
+        self.send, self.fail = send, fail
+        self._lines: tuple[str, ...] = ()
         self._wanted = (camera, size)
         self._lock = threading.Lock()
         self.changed: Callable[[], None] = lambda: None
@@ -44,6 +54,13 @@ class Viewer:
         """The newest camera (None: that of the scene) and size."""
         with self._lock:
             return self._wanted
+
+    def failed(self, error: Exception | None) -> None:
+        """An error has ended its picture; None: it has a new state."""
+        lines = () if error is None else lines_of(error)
+        if lines != self._lines:
+            self._lines = lines
+            self.fail(lines)
 
     def forget(self, paces: bool) -> None:
         """The scene has changed: what is shown is old. paces: whether steps may take much longer or shorter now."""

@@ -16,6 +16,8 @@ from visray.camera import OrthographicCamera
 FAR_AWAY_FOV = 4.0
 # The page's distance from the camera to the point it looks at, at first. Keys move 2 of its units a second.
 HOME_DISTANCE = 4.0
+# A camera is no nearer to the point it looks at, in units of the page: from there its direction would be rounded.
+NEAREST = 1e-6
 # Two poses are the same if they differ by less than this share of their distance: rounding in the page is less.
 SAME = 1e-7
 # If the view is as close to the vertical as this (sine of the angle), `up` is made perpendicular to it.
@@ -47,7 +49,7 @@ class Pose:
     def is_valid(self) -> bool:
         """Whether a camera can be there."""
         numbers = (*self.position, *self.look_at, *self.up)
-        return all(math.isfinite(x) and abs(x) < 1e12 for x in numbers) and self.distance > 0 and any(self.up)
+        return all(math.isfinite(x) and abs(x) < 1e12 for x in numbers) and self.distance > NEAREST and any(self.up)
 
     def is_same(self, other: "Pose") -> bool:
         """Whether it is another pose but for rounding."""

@@ -27,7 +27,8 @@ class WatchingPart:
         if live.file is None or live.load is None:
             return
         live.engine.on_scene(self.changed)
-        self.watch = FileWatch(live.file, live.load, live.engine.scene, _setup_files(live.command))
+        others = _setup_files(live.command)
+        self.watch = FileWatch(live.file, live.load, live.engine.scene, others, self.told)
         self.thread = threading.Thread(target=self._run, name="visray file", daemon=True)
         self.thread.start()
 
@@ -51,6 +52,11 @@ class WatchingPart:
         self.camera_has_changed = scene.camera != before.camera
         self.live.tell(_text(self.live.file, len(self.live.engine.edits)))
         self.live.engine.show(scene)
+
+    def told(self, text: str) -> None:
+        """Says a sentence, and leaves the server the time to send it."""
+        self.live.tell(text)
+        self.live.ended.wait(PAUSE)
 
     def changed(self, change: Change) -> None:
         """The scene has changed."""

@@ -305,6 +305,23 @@ def test_controls_of_a_segment_of_a_line_are_those_of_its_row():
     assert controls.of_object("data.base", 30).controls[0].owner == "data.base"
 
 
+def test_rows_of_lines_have_no_controls():
+    """Their numbers cannot be changed."""
+    scene = vr.load(SCENES / "data-outlines.json")
+    rows = [a for a in Controls(scene).texts if a.startswith("data.countries.")]
+    assert rows == []
+    assert len(scene.data.rows["countries"].number)
+    assert any(a.startswith("data.rain.") for a in Controls(rained()).texts)
+
+
+def test_a_priority_is_typed_in_whole_steps():
+    for scene in (vr.Scene(materials={"red": vr.Material(priority=p)}) for p in (0.0, -3.0, 250.0)):
+        found = Controls(checked(scene)).at("materials.red.priority")
+        assert not found.has_slider
+        assert found.step == 1.0
+        assert found.low < -1e6 and found.high > 1e6
+
+
 def test_controls_of_another_scene_have_its_values():
     controls = Controls(BALLS)
     assert len(controls)

@@ -107,6 +107,8 @@ def test_poses_that_no_camera_can_have_are_refused():
     assert good.is_valid()
     for bad in (
         replace(good, position=(0.0, 0.0, 0.0)),
+        replace(good, position=(0.0, 0.0, 1e-320)),
+        replace(good, position=(3.0, 0.0, 1e-7), look_at=(3.0, 0.0, 0.0)),
         replace(good, position=(math.nan, 0.0, 4.0)),
         replace(good, look_at=(math.inf, 0.0, 0.0)),
         replace(good, up=(0.0, 0.0, 0.0)),
@@ -204,6 +206,10 @@ def test_what_the_line_says():
 
 def test_errors_and_names_are_escaped():
     assert HOSTILE not in errors_text([f"objects.{HOSTILE}: is wrong"]) and errors_text([]) == ""
+    assert "line 7" in errors_text([f"line {i}" for i in range(8)])
+    many = errors_text([f"line {i}" for i in range(1000)])
+    assert "line 7<" in many and "line 8<" not in many and "and 992 more" in many
+    assert len(errors_text(["x" * 10**6])) < 2000
     assert escaped(HOSTILE) == "&lt;img src=x onerror=alert(1)&gt;" and escaped('"&') == "&quot;&amp;"
     material = vr.Material(kd=(0.5, 0.1, 0.1), texture=HOSTILE)
     scene = replace(
@@ -412,6 +418,20 @@ def test_an_error_is_shown_until_it_is_mended(shown, opened):
     eventually(lambda: "objects.ball.radius" in page.html() and "The scene has errors" in page.html())
     shown.live.engine.assign({"objects.ball.radius": 0.9})
     eventually(lambda: "The scene has errors" not in page.html())
+
+
+def test_an_error_of_one_view_is_shown_in_its_page_until_it_is_good(shown, opened):
+    other = opened()
+    eventually(lambda: other.pictures)
+    page = opened()
+    eventually(lambda: page.pictures and len(shown.live.clients) == 2)
+    viewer = newest(shown).viewer
+    viewer.look(camera=vr.Camera(origin=(0.0, 0.0, 1e-320)))
+    eventually(lambda: "This view has no picture" in page.html() and "camera.target" in page.html())
+    page.look(position=(3.0, 1.0, 2.0))
+    eventually(lambda: "This view has no picture" not in page.html())
+    assert not any("no picture" in m["updates"].get("content", "") for m in other.of("GuiUpdateMessage"))
+    assert not any(shown.live.errors.values())
 
 
 def test_a_port_that_is_taken_by_it(shown):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,48 @@ def test_a_file_that_is_deleted_and_comes_back(file: Path, watch: FileWatch) -> 
     assert watch.look() is None and len(watch.lines) == 1
     written(file, BALL)
     assert settled(watch) is None and watch.lines == ()
+
+
+def test_a_file_that_becomes_a_pipe_is_not_opened(file: Path, watch: FileWatch) -> None:
+    file.unlink()
+    os.mkfifo(file)
+    found: list = []
+    thread = threading.Thread(target=lambda: found.append(settled(watch)), daemon=True)
+    thread.start()
+    thread.join(30)
+    if thread.is_alive():
+        # It waits for a writer.
+        os.close(os.open(file, os.O_WRONLY | os.O_NONBLOCK))
+    assert found == [None]
+    assert watch.lines == (f"{file}: is not a regular file; the last scene is shown until it is one",)
+    file.unlink()
+    written(file, with_radius(0.5))
+    assert settled(watch).objects["ball"].radius == 0.5 and watch.lines == ()
+
+
+def test_a_setup_file_that_is_a_pipe_is_not_opened(file: Path, tmp_path: Path) -> None:
+    calls = []
+    watch = FileWatch(file, lambda: calls.append(1) or load(file), load(file), [tmp_path / "setup.json"])
+    os.mkfifo(tmp_path / "setup.json")
+    assert settled(watch) is None and calls == []
+    assert watch.lines[0].startswith(f"{tmp_path / 'setup.json'}: is not a regular file")
+
+
+def test_a_folder_in_place_of_the_file_is_told(file: Path, watch: FileWatch) -> None:
+    file.unlink()
+    file.mkdir()
+    assert settled(watch) is None and watch.lines == (f"{file}: is a folder; give a file in it",)
+
+
+def test_a_large_file_is_told_before_it_is_read(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("visray.live.file_watch.LARGE", 1000)
+    told = []
+    watch = FileWatch(file, lambda: told.append("read") or load(file), load(file), tell=told.append)
+    written(file, with_radius(0.5))
+    assert settled(watch) is not None and told == ["read"]
+    written(file, json.dumps(with_radius(0.75)) + " " * 10**6)
+    assert settled(watch).objects["ball"].radius == 0.75
+    assert told[1:] == ["ball.json has 1 MB; the picture waits while it is read", "read"]
 
 
 def test_a_file_that_is_only_touched_is_no_other_scene(file: Path, watch: FileWatch) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import socket
 import subprocess
 import sys
 import time
@@ -33,7 +34,7 @@ def viewers(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(folder))
     for name in system_viewer.DISPLAYS:
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("DISPLAY", ":9")
+    monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-9")
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     # On a busy machine, a script needs some time to end.
@@ -104,12 +105,33 @@ def test_without_a_viewer_or_a_display_nothing_is_rendered(viewers, monkeypatch,
     assert main(["render", SPHERE, *SMALL, "--show", "-o", "a.png"]) == 2
     assert capsys.readouterr().err.startswith("visray: show: no program")
     viewer(viewers / "xdg-open")
-    monkeypatch.delenv("DISPLAY")
+    monkeypatch.delenv("WAYLAND_DISPLAY")
     with pytest.raises(UserError, match="there is no display"):
         IMAGE.show()
     assert main(["data", str(ROOT / "scenes/data/ports.csv"), "--show"]) == 2
     assert capsys.readouterr().err.startswith("visray: show: there is no display")
     assert list(Path.cwd().iterdir()) == [viewers]
+
+
+def test_a_display_that_nobody_serves_shows_nothing(viewers, monkeypatch, capsys):
+    """Programs such as xdg-open may end well there, or take long to fail."""
+    viewer(viewers / "xdg-open")
+    monkeypatch.delenv("WAYLAND_DISPLAY")
+    number = next(n for n in range(4000, 5000) if not Path(f"/tmp/.X11-unix/X{n}").exists())
+    for display in (f":{number}", f":{number}.0", f"unix:{number}"):
+        monkeypatch.setenv("DISPLAY", display)
+        assert main(["render", SPHERE, *SMALL, "--show"]) == 2
+        assert capsys.readouterr().err.startswith(f"visray: show: DISPLAY = {display}: no display answers there")
+    with socket.socket(socket.AF_INET) as server:
+        server.bind(("127.0.0.1", 6000 + number))
+        server.listen()
+        IMAGE.show()
+        assert file_of(viewers / "xdg-open").suffix == ".png"
+    # Those of other machines are not asked.
+    (viewers / "xdg-open.file").unlink()
+    monkeypatch.setenv("DISPLAY", "elsewhere.example:0")
+    IMAGE.show()
+    assert file_of(viewers / "xdg-open").suffix == ".png"
 
 
 def test_a_picture_without_colour_is_not_shown(viewers):
@@ -150,10 +172,13 @@ def test_show_writes_no_file_and_leaves_the_report_alone(viewers):
 def test_show_says_what_is_not_saved_and_opens_what_is(viewers, capsys):
     viewer(viewers / "xdg-open")
     assert main(["render", SPHERE, *SMALL, "--show"]) == 0
-    assert capsys.readouterr().out.endswith("; not saved: -o sphere.png writes it\n")
+    told, shown = capsys.readouterr(), file_of(viewers / "xdg-open")
+    assert told.out.endswith("; not saved: -o sphere.png writes it\n")
+    assert told.err == f"visray: shown from {shown}; if no window comes, open this file\n"
     (viewers / "xdg-open.file").unlink()
     assert main(["render", SPHERE, *SMALL, "--show", "-o", "a.exr", "-o", "b.png"]) == 0
-    assert "not saved" not in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert "not saved" not in told.out and told.err == ""
     assert file_of(viewers / "xdg-open") == Path.cwd() / "b.png"
 
 

@@ -57,7 +57,7 @@ from visray.cli.showing import Showing
 from visray.errors import CheckpointWarning, UserError
 from visray.output.layers import names_from
 from visray.progress import Bar, Interrupts
-from visray.terminal import kept_notes, write_json, write_line
+from visray.terminal import kept_notes, say, write_json, write_line
 from visray.warn import warn
 
 if TYPE_CHECKING:
@@ -235,7 +235,9 @@ def render_command(
         if not quiet:
             not_saved = "" if written else f"; not saved: -o {scene.stem}.png writes it"
             write_line(_line(image, outputs or [Path(scene.stem)], seconds, found) + not_saved)
-    showing.in_window(image, outputs[:written], scene.stem, curve, exposure)
+    shown = showing.in_window(image, outputs[:written], scene.stem, curve, exposure)
+    if shown and not (quiet or json):
+        say(f"shown from {shown}; if no window comes, open this file")
     if facts["interrupted"]:
         return INTERRUPTED
     return 0 if goal_met(facts) or time is not None else 1

@@ -57,20 +57,21 @@ class Showing:
 
     def in_window(
         self, image: "Image", outputs: list[Path], name: str, gamma: "Gamma" = "srgb", exposure: float = 0.0
-    ) -> None:
-        """Shows the picture in the system's viewer, with --show. Call this last, as the viewer may fail.
+    ) -> Path | None:
+        """Shows the picture in the system's viewer, with --show. Call this last, as the viewer may fail. Returns the
+        temporary file that it shows, as it may fail later, too; None if it shows one that was written.
 
         outputs: the files that were written; the first PNG file is shown. name: of a file that is shown if there is
             none, without its ending.
         """
         if not self.window:
-            return
+            return None
         from visray.output.system_viewer import show_file, show_png
 
         if written := [path for path in outputs if path.suffix.lower() == ".png"]:
             show_file(written[0])
-        else:
-            show_png(image.png(gamma, exposure), f"{name}.png")
+            return None
+        return show_png(image.png(gamma, exposure), f"{name}.png")
 
 
 def _screen() -> "Screen | None":

@@ -150,6 +150,9 @@ def control(scene: Scene, address: str, extent: float) -> Control | None:
         reach = Range(0.0, scale, 0.001)
     if name == "shininess":
         reach = Range(0.0, max(float(min(reach.high, _brightest(scene))), found.value), 1.0)
+    if name == "priority":
+        # Only the order of these numbers counts. Few are used, and mostly whole ones.
+        reach = Range(most.least, most.most, 1.0, has_slider=False)
     if is_code(address):
         reach = reach._replace(has_slider=False)
     if kind == "direction":

@@ -6,8 +6,6 @@ so many samples of each pixel, bit for bit.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any
 
 import drjit as dr
@@ -17,17 +15,16 @@ from visray import clock
 from visray.film import Film
 from visray.legend.layer import has_legend
 from visray.live.blurring import Blurring
-from visray.live.closeness import Closeness, error_of
+from visray.live.closeness import error_of
 from visray.live.frame import Frame
-from visray.live.grids import Grid, grains, grid, parts_of
+from visray.live.grids import Grid, grains, grid
 from visray.live.over import LegendOver, preload
 from visray.live.pace import Pace
+from visray.live.pixel_parts import Part, film_of, new_parts
 from visray.live.replay import Replays
 from visray.live.screen import Screen
-from visray.moments import Moments
 from visray.motion_blur import FIRST_SWEEP
-from visray.passes import PACKET, empty_film, spread_lanes
-from visray.quantities import Arrays
+from visray.passes import PACKET
 from visray.setup import Prepared
 
 # Seconds from a change to the first state that shows it. Seconds that a later step should take: this share of the time
@@ -41,20 +38,8 @@ LEAST_SAMPLES, MOST_SAMPLES = 16, 4096
 LEGEND = 0.6
 # Seconds after a change from which on motion blur is computed. The picture begins anew then.
 REST = 0.5
-# Number of pixels of which moments without samples are kept, 50 MB.
-MOST_SHARED = 2**19
 # Seconds of a sweep over all pixels from which on users are told that the scene takes long.
 LONG = 4.0
-
-
-@dataclass
-class Part:
-    """Pixels that take samples together. moments: of their samples. count: number of samples of each."""
-
-    grid: Grid
-    moments: Moments
-    count: int = 0
-    closeness: Closeness = field(default_factory=Closeness)
 
 
 class LivePicture:
@@ -98,16 +83,7 @@ class LivePicture:
     @property
     def film(self) -> Film:
         """The film of all samples. Domain: between two sweeps over all pixels."""
-        empty = empty_film(self.prepared)
-        lane_of = np.empty(len(empty.pixels), np.int64)
-        lane_of[empty.pixels] = np.arange(len(lane_of))
-        a, counts, arrays = empty.a, empty.counts, [np.array(x) for x in empty.moments.arrays]
-        for part in self.parts:
-            lanes = lane_of[np.array(part.grid.cells)]
-            counts[lanes] = part.count
-            for x, own in zip(arrays, part.moments.arrays):
-                x[..., lanes] = np.array(own)
-        return empty.with_moments(Moments(*(a.put(k, x) for k, x in zip(Moments.types(a), arrays))), counts)
+        return film_of(self.prepared, self.parts)
 
     @property
     def _room(self) -> float:
@@ -187,19 +163,10 @@ class LivePicture:
         room = len(whole)
         if self.pace.per_sample is not None:
             room = max(int(self._room) // PACKET, 1) * PACKET
-        self._todo = self._new_parts(room)
+        self._todo = new_parts(self.prepared.a, whole, room)
         self._goal, self._done = 1, 0
         if grain == 1:
             self.parts = list(self._todo)
-
-    def _new_parts(self, room: int) -> list[Part]:
-        """Parts of the whole grid, without samples. room: about the largest number of cells of a part."""
-        a, whole, n = self.prepared.a, self._whole, len(self._whole)
-        grids = [whole]
-        if n > room:
-            # Every part is spread over the whole picture. None has a single lane, which would need its own kernel.
-            grids = parts_of(a, whole, np.array_split(spread_lanes(n), min(-(-n // room), n // PACKET)))
-        return [Part(g, nothing(a, dr.width(g.x))) for g in grids]
 
     def _next_grain(self, before: Grid | None) -> int:
         """Grain of the next sweep. before: the grid of the sweep before, if there was one."""
@@ -246,7 +213,8 @@ class LivePicture:
             # A launch takes the samples of one moment: about so many samples of each pixel in the first sweep.
             each = FIRST_SWEEP / len(prepared.shutter.values)
             # The sharp picture is seen until a part has its first samples.
-            self.parts = self._new_parts(max(int(self._room / min(each, FIRST_SWEEP)) // PACKET, 1) * PACKET)
+            room = max(int(self._room / min(each, FIRST_SWEEP)) // PACKET, 1) * PACKET
+            self.parts = new_parts(prepared.a, self._whole, room)
             self._todo, self._goal, self._done, self.error = list(self.parts), FIRST_SWEEP, 0, None
         return prepared.shutter is not None
 
@@ -274,12 +242,3 @@ class LivePicture:
         if self._legend is None and rests and not self._todo:
             self._legend = LegendOver(self.prepared.scene, rgb)
         return rgb if self._legend is None else self._legend.over(rgb)
-
-
-def nothing(a: Arrays, n: int) -> Moments:
-    """Moments of n pixels without samples. The first states of all pictures share those of a size, unless they need
-    much memory; nothing changes them."""
-    return _shared(a, n) if n <= MOST_SHARED else Moments.empty(a, n)
-
-
-_shared = lru_cache(maxsize=4)(Moments.empty)

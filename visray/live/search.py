@@ -61,8 +61,9 @@ class Controls:
         return found
 
     def _rows(self) -> dict[str, Rows]:
-        """The rows of the data, by layer."""
-        return {} if self.scene.data is None else self.scene.data.rows
+        """The rows of the data whose numbers can be changed, by layer: those of lines cannot."""
+        data = self.scene.data
+        return {} if data is None else {k: x for k, x in data.rows.items() if data.layers[k].gizmo != "line"}
 
     def with_scene(self, scene: Scene) -> "Controls":
         """The controls of a scene in which only values are others, so that it has the same addresses."""

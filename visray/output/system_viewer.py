@@ -1,12 +1,15 @@
 """The system's viewer: the program that shows a picture when its file is opened on the desktop."""
 
 import os
+import re
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
 import threading
 from pathlib import Path
+from typing import Any
 
 from visray.errors import UserError
 from visray.output.png import write_png
@@ -15,6 +18,8 @@ from visray.output.png import write_png
 COMMANDS = (("xdg-open",), ("gio", "open"), ("display",), ("gm", "display"), ("eog",), ("feh",))
 # Environment variables, of which one is set where a Unix program can open a window.
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME")
+# Seconds in which an X server on this machine answers.
+ANSWERS_WITHIN = 2.0
 # Seconds in which a command that cannot show the file has said so.
 FAILS_WITHIN = 0.5
 
@@ -42,12 +47,38 @@ def show_file(path: str | os.PathLike[str]) -> None:
 
 def _unix_commands() -> list[tuple[str, ...]]:
     """The commands of this machine that show a file. Raises a UserError if there are none."""
-    if not any(map(os.environ.get, DISPLAYS)):
+    given = {name: text for name in DISPLAYS if (text := os.environ.get(name))}
+    if not given:
         raise UserError("show: there is no display to open a window on; write a file with -o, and open it elsewhere")
+    if set(given) == {"DISPLAY"} and not _is_open(given["DISPLAY"]):
+        problem = f"show: DISPLAY = {given['DISPLAY']}: no display answers there to open a window on"
+        raise UserError(f"{problem}; write a file with -o, and open it elsewhere")
     found = [command for command in COMMANDS if shutil.which(command[0])]
     if not found:
         raise UserError("show: no program that shows pictures was found; install xdg-utils, or write a file with -o")
     return found
+
+
+def _is_open(display: str) -> bool:
+    """Whether an X server answers at a display of this machine, such as :0. One of another machine counts as open."""
+    number = re.fullmatch(r"(?:unix)?:(\d{1,4})(?:\.\d+)?", display)
+    if number is None:
+        return True
+    path, port = f"/tmp/.X11-unix/X{number[1]}", 6000 + int(number[1])
+    # Linux also has sockets that are no files, whose names begin with a NUL. Some servers have a port alone.
+    places = [(socket.AF_UNIX, path), (socket.AF_UNIX, f"\0{path}"), (socket.AF_INET, ("127.0.0.1", port))]
+    return any(_answers(*place) for place in places)
+
+
+def _answers(family: int, place: Any) -> bool:
+    """Whether something answers at the place of a socket."""
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.settimeout(ANSWERS_WITHIN)
+        try:
+            probe.connect(place)
+        except OSError:
+            return False
+    return True
 
 
 def _shows(command: tuple[str, ...]) -> bool:
@@ -67,14 +98,16 @@ def _shows(command: tuple[str, ...]) -> bool:
         return True
 
 
-def show_png(data: bytes, name: str = "picture.png") -> None:
+def show_png(data: bytes, name: str = "picture.png") -> Path:
     """Shows the bytes of a PNG file, from a file in a new folder among the temporary files, which the system removes.
+    Returns the path of this file.
 
     name: of the file. Viewers write it above the picture.
     """
     path = Path(tempfile.mkdtemp(prefix="visray-"), name)
     write_png(path, data)
     show_file(path)
+    return path
 
 
 def show_in_notebook(data: bytes) -> bool:

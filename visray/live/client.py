@@ -8,6 +8,7 @@ from typing import Any
 from visray.animation.moment import assignments, still_at
 from visray.live.engine import Change, Engine
 from visray.live.frame import Frame
+from visray.live.reshaping import reshaped
 from visray.live.sending import Sender, shower
 from visray.live.viewer import Viewer
 from visray.live.viewpoint import Pose, camera_at, page_fov, pose_of, widened, widening
@@ -64,7 +65,8 @@ class Client:
         self._fov: float | None = None
         self._arrived = False
         self._lock = threading.RLock()
-        self.sender = Sender(shower(handle))
+        show = shower(handle)
+        self.sender = Sender(lambda frame: show(reshaped(frame, self.window, self._film)))
         self.viewer = Viewer(self._show, picture_size(self.window), self.base, lambda lines: live.failed(self, lines))
 
     @property
@@ -72,18 +74,27 @@ class Client:
         """Whether it looks from where the scene's camera is."""
         return self._pose is None
 
+    @property
+    def _film(self) -> tuple[int, int]:
+        """Width and height of the scene's film, in pixels."""
+        film = self.live.engine.scene.film
+        return film.width, film.height
+
     def look(self, pose: Pose, window: tuple[int, int]) -> None:
         """The browser says where its camera is. window: width and height in pixels."""
         if min(window) < 8 or max(window) > 20_000 or not pose.is_valid():
             return
         with self._lock:
-            self.window = window
+            other, self.window = window != self.window, window
             # While nobody has moved it, it reports the poses that it was sent, some of them late.
             known = list(self._sent) if self.at_home else [pose_of(self.base, self.live.space)]
             is_home = any(pose.is_same(p) for p in known)
             self._arrived = self._arrived or not is_stray(pose)
             self._pose = None if is_home or not self._arrived else pose
             self._follow()
+        if other and self.frame is not None:
+            # The page would stretch the picture that it shows.
+            self.sender.send(self.frame)
 
     def rebased(self, change: Change) -> None:
         """The scene has changed: its camera may have, too."""
@@ -137,9 +148,8 @@ class Client:
     def _follow(self) -> None:
         """Renders with the newest camera."""
         pose = self._pose
-        film = self.live.engine.scene.film
         self.camera = self.base if pose is None else camera_at(self.base, pose, self.live.space)
-        factor = widening((film.width, film.height), self.window)
+        factor = widening(self._film, self.window)
         fov = math.radians(page_fov(self.base, factor))
         if fov != self._fov and self.handle.camera._state.update_timestamp:
             self._fov, self.handle.camera.fov = fov, fov

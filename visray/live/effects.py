@@ -41,7 +41,9 @@ class EffectsPart:
         self.rows: dict[str, Row] = {}
         self.measurement: Measurement | None = None
         self.pieces: Iterator[None] | None = None
-        self.is_stale, self.told_at = False, 0.0
+        self.is_stale, self.told_at, self.told = False, 0.0, ""
+        # When the first effect was begun, and when each one was done.
+        self.moments: list[float] = []
         self.size = ""
         gui = live.server.gui
         with tab(live.server, "Price"), gui.add_folder("Effects", order=2):
@@ -125,7 +127,7 @@ class EffectsPart:
 
     def _begin(self, prepared: Prepared) -> None:
         """Begins to measure. In the thread that renders."""
-        self.measurement = Measurement(prepared)
+        self.measurement, self.moments = Measurement(prepared), []
         self.pieces = self.measurement.pieces()
         film = prepared.scene.film
         self.size = f"{film.width} x {film.height}"
@@ -140,9 +142,12 @@ class EffectsPart:
         if error is not None or self.pieces is None or piece.result() is END:
             self.cancel()
             return
-        now = clock.now()
-        if now - self.told_at > PAUSE:
-            self.told_at = now
+        now, doing = clock.now(), self.measurement.doing
+        if self.measurement.number and len(self.moments) == len(self.measurement.costs):
+            self.moments.append(now)
+        # What comes next may take seconds.
+        if now - self.told_at > PAUSE or doing != self.told:
+            self.told_at, self.told = now, doing
             self._show_costs()
         pieces = self.pieces
         self.live.engine.ask(lambda _: next(pieces, END)).add_done_callback(self._go_on)
@@ -163,7 +168,11 @@ class EffectsPart:
                 text = row_text(reasons[name], costs.get(name))
                 if row.text.content != text:
                     row.text.content = text
-            self.state.content = state_text(measurement, self.pieces is not None, self.is_stale, self.size)
+            self.state.content = (
+                progress_text(measurement, self.moments, clock.now())
+                if measurement and self.pieces is not None
+                else state_text(measurement, self.is_stale, self.size)
+            )
 
 
 def row_text(reason: str, cost: EffectCost | None) -> str:
@@ -183,13 +192,30 @@ def absent_text(absent: list[Feature]) -> str:
     return "".join(_small(f"<b>{escaped(f.name)}</b>: {escaped(f.reason)}") for f in absent)
 
 
-def state_text(measurement: Measurement | None, is_running: bool, is_stale: bool, size: str) -> str:
-    """What is said above the switches, as HTML."""
-    if measurement is None:
-        return ""
-    if is_running:
-        return _small(escaped(f"{measurement.doing}: {100 * measurement.share_done:.0f} % done"))
-    if measurement.total is None:
+def progress_text(measurement: Measurement, moments: list[float], now: float) -> str:
+    """How far a measurement is, as HTML.
+
+    moments: when the first effect was begun, and when each one was done, in seconds; now: the same for now
+    """
+    total = len(measurement.effects)
+    where = f"effect {measurement.number} of {total}: " if measurement.number else ""
+    left, done = "", len(moments) - 1
+    if done > 0:
+        each = (moments[-1] - moments[0]) / done
+        left = f"; about {seconds_text(each * (total - done) - (now - moments[-1]))} left"
+    bar = f"height:4px;width:{100 * measurement.share_done:.0f}%;background:#228be6;border-radius:2px"
+    return _small(f'{escaped(where + measurement.doing + left)}<div style="{bar}"></div>')
+
+
+def seconds_text(seconds: float) -> str:
+    """A time that is about to pass, such as 20 s or 3 min."""
+    seconds = max(seconds, 1)
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"
+
+
+def state_text(measurement: Measurement | None, is_stale: bool, size: str) -> str:
+    """What is said above the switches when nothing is measured, as HTML."""
+    if measurement is None or measurement.total is None:
         return ""
     took = f"One sample of each of {size} pixels took {1e3 * measurement.total.middle:.3g} ms"
     stale = " before the last change of the scene" if is_stale else ""

@@ -54,13 +54,14 @@ class Measurement:
     total: seconds of one sample of each pixel with all effects; None before it is measured
     share_done: share of the work that is done
     doing: what is done now, as a text
+    number: number of the effect that is measured now, from 1; 0 before the first
     """
 
     def __init__(self, prepared: Prepared):
         self.prepared, self.effects = prepared, prepared.features.names()
         self.costs: dict[str, EffectCost] = {}
         self.total: Spread | None = None
-        self.share_done, self.doing = 0.0, "compiling"
+        self.share_done, self.doing, self.number = 0.0, "compiling", 0
 
     def pieces(self) -> Iterator[None]:
         """Does the work. Each item of the iterator is one piece."""
@@ -78,6 +79,9 @@ class Measurement:
         times: list[float] = []
         for number, effect in enumerate(self.effects):
             self.doing, self.share_done = f"compiling without {effect}", number / len(self.effects)
+            self.number = number + 1
+            # Said before it compiles.
+            yield
             without = TimedPicture(less(small, effect))
             yield
             without.kernels()

@@ -7,10 +7,12 @@ engine tells of changes in the thread that renders.
 import threading
 from typing import Any
 
+from visray.live.client import Client
 from visray.live.controls import Control
 from visray.live.engine import Change
 from visray.live.fields import field_at
 from visray.live.live import Live, Pick, escaped
+from visray.live.page_script import enter_presses
 from visray.live.playing import Playing
 from visray.live.search import Controls, Found, search
 from visray.live.tabs import tab
@@ -24,7 +26,8 @@ from visray.scene.scene import Scene
 MOST = 30
 # Seconds after the last letter until the answer comes.
 PAUSE = 0.15
-SEARCH_HINT = "words of an address, such as ball radius; or an assignment, such as materials.red.kd = 0.8, 0.1, 0.1"
+HELP = "Search for words such as ball radius, or write a value: camera.fov = 40"
+ASSIGN = "Set this value"
 
 
 class PanelPart:
@@ -37,8 +40,8 @@ class PanelPart:
         self.widgets: list[ControlWidget] = []
         self._focus, self._box, self._last, self._ended = "", None, None, False
         with tab(live.server, "Scene") as self._tab:
-            self.text = self.gui.add_text("search", "", hint=SEARCH_HINT)
-            self.assign = self.gui.add_button("Set this value", visible=False)
+            self.text = self.gui.add_text("search", "")
+            self.assign = self.gui.add_button(ASSIGN, visible=False)
             self.playing = Playing(live)
             self.head = self.gui.add_html("")
             self._place = self.gui.add_folder(None)
@@ -46,9 +49,11 @@ class PanelPart:
         self.text.on_update(live.safely(lambda event: self.searched()))
         self.assign.on_click(live.safely(lambda event: self._assign_text()))
         self.back.on_click(live.safely(lambda event: self.engine.show(self.file)))
+        enter_presses(live.server, ASSIGN)
         self.list()
         self.engine.on_scene(live.safely(self.changed))
         self.engine.on_error(live.safely(self.refused))
+        live.on_client(live.safely(self.came))
         live.on_pick(self.picked)
         live.on_stop(self.ended)
 
@@ -58,6 +63,11 @@ class PanelPart:
             self._focus = name
             self.text.value = ""
             self.list()
+
+    def came(self, client: Client) -> None:
+        """A browser has come. If it is alone, it does not find what others searched for or clicked on."""
+        if len(self.live.clients) == 1 and (self.text.value or self._focus):
+            self.focus_on("")
 
     def ended(self) -> None:
         """The live picture ends: nothing is shown any more."""
@@ -84,7 +94,8 @@ class PanelPart:
             self.assign.visible = "=" in text and not found.controls
             if self.assign.visible:
                 found, title = self._found(text.partition("=")[0].strip())
-            self.head.content = head_text(title, len(found.controls), found.more)
+            names = self.controls.names() if text and not found.controls else ()
+            self.head.content = head_text(title, len(found.controls), found.more, "" if text else HELP, names)
             if [*map(form, found.controls)] != [form(w.control) for w in self.widgets]:
                 self._show(found.controls)
             for widget, control in zip(self.widgets, found.controls):
@@ -229,9 +240,15 @@ def folder_title(control: Control) -> str:
     return f"{control.group} {name}, {control.title}" if control.title else f"{control.group} {name}"
 
 
-def head_text(title: str, count: int, more: int) -> str:
-    """What the widgets are, as HTML."""
+def head_text(title: str, count: int, more: int, help: str = "", names: tuple[str, ...] = ()) -> str:
+    """What the widgets are, as HTML.
+
+    help: a sentence about what else can be done
+    names: what there is, if nothing was found
+    """
     number = "nothing" if not count else "1 value" if count == 1 else f"{count} values"
-    rest = f", and {more:,} more: search for them" if more else ""
+    text = f"{number} {title}" + (f", and {more:,} more" if more else "") + (f". {help}" if help else "")
+    if names:
+        text += f". There are: {', '.join(names)}"
     style = "padding:0.2em 0.9em 0.4em;font-size:0.85em;opacity:0.75;overflow-wrap:anywhere"
-    return f'<div style="{style}">{escaped(f"{number} {title}{rest}")}</div>'
+    return f'<div style="{style}">{escaped(text)}</div>'

@@ -6,6 +6,7 @@ from visray.live.effects import EffectsPart
 from visray.live.error_chart import ErrorChartPart
 from visray.live.handles import HandlesPart
 from visray.live.live import Live
+from visray.live.notices import NoticesPart
 from visray.live.panel import PanelPart
 from visray.live.pixel_part import PixelPart
 from visray.live.saving import SavingPart
@@ -13,7 +14,7 @@ from visray.live.status import StatusPart
 from visray.live.watching import WatchingPart
 
 PARTS = (
-    StatusPart, PanelPart, PixelPart, HandlesPart, ErrorChartPart, EffectsPart, SavingPart, WatchingPart,
+    StatusPart, NoticesPart, PanelPart, PixelPart, HandlesPart, ErrorChartPart, EffectsPart, SavingPart, WatchingPart,
 )  # fmt: skip
 
 

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from visray import terminal
 from visray.camera import OrthographicCamera
 from visray.errors import UserError
 from visray.live.client import Client
 from visray.live.live import Live, Pick
+from visray.live.page_script import show_tab
 from visray.live.story_page import invitation, looking, story_page
 from visray.live.tabs import tab
 from visray.setup import Prepared
@@ -22,11 +24,16 @@ BLUR = 0.03
 
 @dataclass
 class _Widgets:
-    """What one browser shows. pick: its newest click."""
+    """What one browser shows.
+
+    there: button in the tab of the scene that shows the story
+    pick: its newest click
+    """
 
     story: Any
     focus: Any
     turn: Any
+    there: Any
     pick: Pick | None = None
 
 
@@ -53,7 +60,10 @@ class PixelPart:
                 "Turn around this point", order=2, visible=False, icon="3d-rotate",
                 hint="The mouse turns the camera around what was clicked",
             )  # fmt: skip
-        self.widgets[client.number] = _Widgets(story, focus, turn)
+        with tab(self.live.server, "Scene"):
+            there = gui.add_button("", order=-1, visible=False, icon="help", color="gray")
+        self.widgets[client.number] = _Widgets(story, focus, turn, there)
+        there.on_click(self.live.safely(lambda event: show_tab(client.handle, "Pixel")))
         focus.on_click(self.live.safely(partial(self.focus, client)))
         turn.on_click(self.live.safely(partial(self.turn, client)))
 
@@ -69,6 +79,8 @@ class PixelPart:
         pick = Pick(client, (story.x, story.y), size, first.object, first.point, story)
         widgets.pick = pick
         widgets.story.content = story_page(story)
+        widgets.there.label = terminal.printable(f"Pixel: why {first.object or 'the background'} looks so")
+        widgets.there.visible = True
         widgets.turn.visible = first.point is not None
         widgets.focus.visible = first.point is not None and not isinstance(client.camera, OrthographicCamera)
         self.live.picked(pick)

@@ -9,6 +9,7 @@ from visray.data.all_objects import address_of
 from visray.data.rows import Rows
 from visray.live import data_controls, fields
 from visray.live.controls import Control, control, extent_of, is_code, is_read, name_of, placed
+from visray.live.looks import words_of
 from visray.materials import Material
 from visray.scene.edits import within
 from visray.scene.scene import Scene
@@ -23,6 +24,8 @@ RANKS = (
     ("radius", "center", "position", "direction", "color"),
 )
 LAST = len(RANKS) + 1
+# Most names of each sort that are told if nothing is found.
+NAMED = 12
 # Numbers of the parts of vectors and of colours.
 AXES = {"x": 0, "y": 1, "z": 2, "r": 0, "g": 1, "b": 2}
 MEANINGS = {name: rank for rank, names in enumerate(RANKS) for name in names}
@@ -59,6 +62,21 @@ class Controls:
         for layer, rows in self._rows().items():
             found |= {a: f"{a} {name}".lower() for a, name in fields.row_addresses(layer, rows)}
         return found
+
+    @cached_property
+    def looks(self) -> dict[str, str]:
+        """By the address of each control its text, with words for what a user sees, such as red, ball and lamp."""
+        words = words_of(self.scene)
+        return {a: f"{text} {words.get('.'.join(a.split('.')[:2]), '')}" for a, text in self.texts.items()}
+
+    def names(self) -> tuple[str, ...]:
+        """Names of what the scene has, at most NAMED of each sort, such as objects ball."""
+        found = []
+        for sort in ("objects", "materials", "lights"):
+            entries = list(getattr(self.scene, sort))
+            rest = (f"and {len(entries) - NAMED} more {sort}",) if len(entries) > NAMED else ()
+            found += [f"{sort}.{name}" for name in entries[:NAMED]] + [*rest]
+        return tuple(found)
 
     def _rows(self) -> dict[str, Rows]:
         """The rows of the data whose numbers can be changed, by layer: those of lines cannot."""
@@ -149,16 +167,17 @@ def _matters(material: Material, name: str) -> bool:
 def search(controls: Controls, text: str, limit: int) -> Found:
     """The controls whose addresses contain all words of a text, best first. Small and capital letters are the same. A
     word may be the beginning or another piece of a part of the address; x, y and z are the parts of a vector, and r, g
-    and b those of a colour.
+    and b those of a colour. If there are none, words may also say how a thing looks (looks.py).
 
     limit: at most so many.
     """
     wanted = text.lower().replace(".", " ").split()
     axis = AXES.get(wanted[-1]) if len(wanted) > 1 else None
     scores = _scores(controls, wanted)
-    if scores or axis is None:
+    vectors = {} if scores or axis is None else _scores(controls, wanted[:-1])
+    if not vectors:
+        scores = scores or _scores(controls, wanted, by_looks=True)
         return controls._found(sorted(scores, key=scores.get), limit)
-    vectors = _scores(controls, wanted[:-1])
     found = controls._found(sorted(vectors, key=vectors.get), limit)
     is_color = wanted[-1] in "rgb"
     fitting = [c for c in found.controls if len(c.parts) > axis and (c.kind in ("color", "share")) == is_color]
@@ -166,10 +185,11 @@ def search(controls: Controls, text: str, limit: int) -> Found:
     return Found(parts, found.more)
 
 
-def _scores(controls: Controls, wanted: list[str]) -> dict[str, tuple]:
-    """How well addresses fit some words, those that have all of them. The least score is best."""
+def _scores(controls: Controls, wanted: list[str], by_looks: bool = False) -> dict[str, tuple]:
+    """How well addresses fit some words, those that have all of them. The least score is best. by_looks: whether words
+    may say how a thing looks."""
     result = {}
-    for address, text in controls.texts.items():
+    for address, text in (controls.looks if by_looks else controls.texts).items():
         if wanted and all(word in text for word in wanted):
             parts = text.replace(".", " ").split()
             distance = sum(min(_distance(word, part) for part in parts) for word in wanted)

@@ -9,7 +9,7 @@ from visray.animation.moment import assignments, still_at
 from visray.live.engine import Change, Engine
 from visray.live.frame import Frame
 from visray.live.reshaping import reshaped
-from visray.live.sending import Sender, shower
+from visray.live.sending import PATIENCE, Sender, shower
 from visray.live.viewer import Viewer
 from visray.live.viewpoint import Pose, camera_at, page_fov, pose_of, widened, widening
 
@@ -21,6 +21,8 @@ PLACE = ("origin", "target", "up", "height", "type")
 REMEMBERED = 64
 # A page that opens reports poses of its own first, which look at the origin from these distances.
 STRAY = 5.0, 27**0.5
+# Seconds that a page has to make room for its panel before its first picture.
+LAYOUT = 0.4
 
 
 def picture_size(window: tuple[int, int]) -> tuple[int, int]:
@@ -65,8 +67,9 @@ class Client:
         self._fov: float | None = None
         self._arrived = False
         self._lock = threading.RLock()
-        show = shower(handle)
-        self.sender = Sender(lambda frame: show(reshaped(frame, self.window, self._film)))
+        self._windows, self._laid_out = 0, threading.Event()
+        self._send = shower(handle)
+        self.sender = Sender(self._sent_to_page)
         self.viewer = Viewer(self._show, picture_size(self.window), self.base, lambda lines: live.failed(self, lines))
 
     @property
@@ -86,6 +89,9 @@ class Client:
             return
         with self._lock:
             other, self.window = window != self.window, window
+            self._windows += other
+            if self._windows > 1:
+                self._laid_out.set()
             # While nobody has moved it, it reports the poses that it was sent, some of them late.
             known = list(self._sent) if self.at_home else [pose_of(self.base, self.live.space)]
             is_home = any(pose.is_same(p) for p in known)
@@ -95,6 +101,15 @@ class Client:
         if other and self.frame is not None:
             # The page would stretch the picture that it shows.
             self.sender.send(self.frame)
+
+    def _sent_to_page(self, frame: Frame) -> None:
+        """Sends a state. The first one waits until the page has made room for the panel. In the thread that sends."""
+        if not self._laid_out.is_set():
+            # Messages are handled in their order: when this one is answered, the panel is known.
+            self.handle.local_storage.get_item("opened", timeout=PATIENCE)
+            self._laid_out.wait(LAYOUT)
+            self._laid_out.set()
+        self._send(reshaped(frame, self.window, self._film))
 
     def rebased(self, change: Change) -> None:
         """The scene has changed: its camera may have, too."""

@@ -108,7 +108,7 @@ def changes_text(off: tuple[str, ...], addresses: list[str]) -> str:
     parts = [f"switched off: {', '.join(off)} (tab Price)"] if off else []
     if addresses:
         which = ", ".join(addresses) if len(addresses) <= NAMED else f"{len(addresses)} values"
-        parts.append(f"changed: {which} (tab Scene has the way back)")
+        parts.append(f"changed: {which} (tab Scene takes it back)")
     return _box("<br>".join(map(escaped, parts)), "#4c6ef5") if parts else ""
 
 

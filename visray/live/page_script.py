@@ -21,7 +21,11 @@ if (!window.visrayEnter) {
   });
 }
 """
-SHOW_TAB = '[...document.querySelectorAll("[role=tab]")].find((t) => t.textContent.trim() === LABEL)?.click();'
+# Tabs can be dragged, so they do not follow clicks that a script makes, but they follow keys.
+SHOW_TAB = """
+[...document.querySelectorAll("[role=tab]")].find((t) => t.textContent.trim() === LABEL)
+  ?.dispatchEvent(new KeyboardEvent("keydown", {key: "Enter", bubbles: true}));
+"""
 
 
 def enter_presses(server: Any, label: str) -> None:

@@ -11,8 +11,9 @@ from visray.live.client import Client
 from visray.live.controls import Control
 from visray.live.engine import Change
 from visray.live.fields import field_at
-from visray.live.live import Live, Pick, escaped
+from visray.live.live import Live, Pick
 from visray.live.page_script import enter_presses
+from visray.live.panel_text import HELP, folder_title, head_text
 from visray.live.playing import Playing
 from visray.live.search import Controls, Found, search
 from visray.live.tabs import tab
@@ -26,7 +27,6 @@ from visray.scene.scene import Scene
 MOST = 30
 # Seconds after the last letter until the answer comes.
 PAUSE = 0.15
-HELP = "Search for words such as ball radius, or write a value: camera.fov = 40"
 ASSIGN = "Set this value"
 
 
@@ -228,27 +228,3 @@ def field_changed(old: Scene, new: Scene, address: str) -> bool:
 def related(address: str, other: str) -> bool:
     """Whether one of two addresses is a part of the other one."""
     return within(address, other) or within(other, address)
-
-
-def folder_title(control: Control) -> str:
-    """Title of the folder of an entry, such as "material red", "layer rain" or "data rain.12, Zurich"."""
-    name = control.owner.partition(".")[2]
-    if not name:
-        return control.owner
-    if name.startswith("layers."):
-        return f"layer {name.removeprefix('layers.')}"
-    return f"{control.group} {name}, {control.title}" if control.title else f"{control.group} {name}"
-
-
-def head_text(title: str, count: int, more: int, help: str = "", names: tuple[str, ...] = ()) -> str:
-    """What the widgets are, as HTML.
-
-    help: a sentence about what else can be done
-    names: what there is, if nothing was found
-    """
-    number = "nothing" if not count else "1 value" if count == 1 else f"{count} values"
-    text = f"{number} {title}" + (f", and {more:,} more" if more else "") + (f". {help}" if help else "")
-    if names:
-        text += f". There are: {', '.join(names)}"
-    style = "padding:0.2em 0.9em 0.4em;font-size:0.85em;opacity:0.75;overflow-wrap:anywhere"
-    return f'<div style="{style}">{escaped(text)}</div>'

@@ -167,7 +167,8 @@ def _matters(material: Material, name: str) -> bool:
 def search(controls: Controls, text: str, limit: int) -> Found:
     """The controls whose addresses contain all words of a text, best first. Small and capital letters are the same. A
     word may be the beginning or another piece of a part of the address; x, y and z are the parts of a vector, and r, g
-    and b those of a colour. If there are none, words may also say how a thing looks (looks.py).
+    and b those of a colour. If there are none, and the
+    text is no address, words may also say how a thing looks (looks.py).
 
     limit: at most so many.
     """
@@ -176,7 +177,8 @@ def search(controls: Controls, text: str, limit: int) -> Found:
     scores = _scores(controls, wanted)
     vectors = {} if scores or axis is None else _scores(controls, wanted[:-1])
     if not vectors:
-        scores = scores or _scores(controls, wanted, by_looks=True)
+        if "." not in text:
+            scores = scores or _scores(controls, wanted, by_looks=True)
         return controls._found(sorted(scores, key=scores.get), limit)
     found = controls._found(sorted(vectors, key=vectors.get), limit)
     is_color = wanted[-1] in "rgb"

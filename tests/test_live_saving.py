@@ -140,6 +140,21 @@ def test_a_camera_that_moves_is_said() -> None:
     assert seen(base, time=1.0).to_render() == (base, 1.0) and seen(base, time=1.0).notes() == ()
 
 
+def test_a_picture_from_elsewhere_keeps_what_else_moves() -> None:
+    by = vr.KeysTrack(address="camera.origin.0", times=(0.0, 2.0), values=(0.0, 1.0))
+    up = vr.KeysTrack(address="objects.ball.center.1", times=(0.0, 2.0), values=(0.5, 1.5))
+    shutter = vr.Shutter(moments=4)
+    base = replace(
+        SCENE,
+        camera=replace(SCENE.camera, shutter=shutter),
+        animation=vr.Animation(duration=2.0, tracks={"by": by, "up": up}),
+    )
+    scene, at = seen(base, {}, TURNED, 1.0).to_render()
+    assert (scene.camera, at) == (replace(TURNED, shutter=shutter), 1.0)
+    assert scene.animation.tracks == {"up": up}
+    assert vr.at(scene, 1.0).objects == vr.at(base, 1.0).objects
+
+
 def test_a_file_that_has_changed_meanwhile_is_said() -> None:
     other = replace(SCENE, ambient=(0.9, 0.9, 0.9))
     with pytest.raises(UserError, match="no longer what is shown"):

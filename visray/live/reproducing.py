@@ -77,6 +77,12 @@ class Seen:
         """The scene that vr.render makes the picture of, and the moment."""
         if self.at_home or not self.camera_moves:
             return self.as_file(), self.time
+        animation, tracks = self.scene.animation, self.scene.animation.tracks.items()
+        others = {name: x for name, x in tracks if not any(within(a, "camera") for a in x.addresses())}
+        if others:
+            # The camera stands still, and what else moves is blurred.
+            camera = replace(self.camera, shutter=self.scene.camera.shutter)
+            return replace(self.scene, camera=camera, animation=replace(animation, tracks=others)), self.time
         return replace(still_at(self.scene, self.time), camera=replace(self.camera, shutter=None)), None
 
     def notes(self) -> tuple[str, ...]:

@@ -155,7 +155,7 @@ def test_a_click_tells_the_story(browser, shown):
     np.testing.assert_allclose(client_of(shown).camera.origin, camera.origin, atol=1e-6)
     # The background has no point.
     page.mouse.click(500, 60)
-    page.wait_for_selector("text=the background")
+    page.wait_for_selector("b:text-is('the background')")
     assert not page.get_by_role("button", name="Focus here").is_visible()
 
 

@@ -107,8 +107,8 @@ edges
 gradients
 study
 surface_picture.jet surface_picture.field surface_picture.points surface_picture.whereabouts
-surface_picture.viewing surface_picture.look surface_picture.reading surface_picture.clip
-surface_picture.picture surface_picture.scene
+surface_picture.viewing surface_picture.look surface_picture.names surface_picture.like surface_picture.reading
+surface_picture.clip surface_picture.picture surface_picture.scene surface_picture.recipe
 surface_picture.known_report surface_picture.captions surface_picture.sheet
 surface_picture
 live.fields live.ranges live.controls live.data_controls live.looks live.search live.tabs

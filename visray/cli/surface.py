@@ -1,5 +1,6 @@
 """The command `visray surface`: a picture of a surface f(x, y, z) = 0 without a scene file."""
 
+import re
 import tempfile
 import warnings
 from collections.abc import Iterator
@@ -14,8 +15,9 @@ from visray import clock
 from visray.cli.options import Integer, Json, Settings, Share, Threads, app, flag, parse_size
 from visray.cli.picture_options import Preview, Show
 from visray.cli.showing import Showing
-from visray.cli.view import Host, NoBrowser, Port, show_live
+from visray.cli.view import Host, NoBrowser, Port, check_live, show_live
 from visray.errors import UserError
+from visray.hints import similar
 from visray.terminal import write_line
 
 # Error of a picture for which nothing else is asked.
@@ -32,7 +34,7 @@ def surface_command(
         ),
     ],
     /,
-    *,
+    *more_words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
     output: Annotated[
         list[Path],
         Parameter(
@@ -74,7 +76,7 @@ def surface_command(
     threads: Threads = None,
     view: flag("Show it live in the browser, to be turned and changed. Ctrl-C ends it.") = False,
     host: Host = "127.0.0.1",
-    port: Port = 8080,
+    port: Port = None,
     no_browser: NoBrowser = False,
     show: Show = False,
     preview: Preview = False,
@@ -88,6 +90,7 @@ def surface_command(
     """
     if quiet:
         warnings.simplefilter("ignore")
+    _check_one_formula(formula, more_words, param)
     numbers, texts = _parse_parameters(param), {"--color": color, "--inside": inside}
     colors = [_parse_triple(option, text, "0.8,0.3,0.1") for option, text in texts.items()]
     direction, film = _parse_triple("--from", towards, "1,-2,1"), parse_size(size)
@@ -104,21 +107,20 @@ def surface_command(
     from visray.cli.rendering import render_command
     from visray.output.image import check_destination
     from visray.progress import Bar
-    from visray.scene.address import changed, parse_assignment
-    from visray.scene.check import checked
     from visray.scene.load import dump, load
-    from visray.surface_picture.picture import SIZE, Wishes, surface_picture
+    from visray.surface_picture.picture import SIZE, Wishes
+    from visray.surface_picture.recipe import Recipe
 
     if error is None and time is None and spp is None:
         error = ERROR
     Goal.from_arguments(error, time, spp, clock.now())
+    if view:
+        check_live(host, port)
     for path in output:
         check_destination(path)
+    recipe = Recipe(formula, numbers, Wishes(film or SIZE, clip, direction, *colors), tuple(set))
     with Bar("looking at the surface", 1, not (quiet or json)):
-        made = surface_picture(formula, numbers, Wishes(film or SIZE, clip, direction, *colors))
-        scene = checked(made.scene)
-    if set:
-        scene = changed(scene, dict(map(parse_assignment, set)))
+        scene, made = recipe.picture()
     for text in made.notes:
         warnings.warn(text, stacklevel=1)
     if not (quiet or json):
@@ -129,11 +131,8 @@ def surface_command(
             write_line(f"{save}: written")
         if view:
             options = {"host": host, "port": port, "error": error or ERROR, "browser": not no_browser}
-            texts = {"--clip": clip and f"{clip:g}", "--from": towards} | texts
-            words = ["visray", "view", str(save)] if save else _words(formula, param, set, texts)
-            return show_live(
-                (lambda: load(file)) if save else lambda: scene, name=made.name, file=save, command=words, **options
-            )
+            more = {"file": save, "command": ["visray", "view", str(save)]} if save else {"recipe": recipe}
+            return show_live((lambda: load(file)) if save else lambda: scene, name=made.name, **more, **options)
         report = {"choices": made.choices, "notes": list(made.notes)} | ({} if save is None else {"scene": str(save)})
         return render_command(
             file, output=showing.outputs(output, [Path(f"{made.name}.png")]), spp=spp, error=error, time=time,
@@ -141,11 +140,21 @@ def surface_command(
         )  # fmt: skip
 
 
-def _words(formula: str, param: list[str], assignments: list[str], texts: dict[str, str | None]) -> list[str]:
-    """The words of a command that shows the same picture. texts: values of further options; None is left out."""
-    options = [("--param", text) for text in param] + [("--set", text) for text in assignments]
-    options += [(name, text) for name, text in texts.items() if text is not None]
-    return ["visray", "surface", formula, *(word for option in options for word in option)]
+def _check_one_formula(formula: str, more: tuple[str, ...], param: list[str]) -> None:
+    """Raises a UserError if there are words beside the formula, as when it has no quotes. more: these words."""
+    if not more:
+        return
+    if more[0].startswith("--") or (re.match("-[A-Za-z]", more[0]) and set(more[0][1:]) - set("xyz")):
+        options = [name for argument in app["surface"].assemble_argument_collection() for name in argument.names]
+        near = similar(more[0], [name for name in options if name.startswith("--")])
+        raise UserError(f"{more[0]}: no such option{f'; did you mean {near[0]}?' if near else ''} (see --help)")
+    name = next((text for text in param if "=" not in text), None)
+    if name is not None:
+        words = [word for word in more if word != "="] or ["2"]
+        raise UserError(f"--param {name} {' '.join(more)}: write it as one word, --param {name}={words[0].lstrip('=')}")
+    whole = " ".join((formula, *more))
+    example = whole if len(whole) <= 60 else "x^2 + y^2 - 1"
+    raise UserError(f'{formula}: other words stand beside the formula; put it in quotes: visray surface "{example}"')
 
 
 def _parse_parameters(texts: list[str]) -> dict[str, float]:

@@ -41,12 +41,7 @@ def surfaces(
 
     if name is not None and only is not None:
         raise UserError("--only: names surfaces, and so does the word before it; leave one out")
-    wanted = (name,) if name is not None else parse_list(only or "")
-    for word in wanted:
-        if word not in SURFACES:
-            from visray.hints import hint
-
-            raise UserError(f"surfaces: there is no surface {word!r}; {hint(word, SURFACES)}")
+    wanted = tuple(map(_known, (name,) if name is not None else parse_list(only or "")))
     if only is not None and not wanted:
         raise UserError("--only: names no surface; write names, with commas between, such as heart,kummer")
     chosen = tuple(dict.fromkeys(wanted)) or tuple(SURFACES)
@@ -61,11 +56,23 @@ def surfaces(
     if json:
         write_json(known_report.as_json(chosen))
     elif name is not None:
-        show(known_report.single_table(name))
+        show(known_report.single_table(chosen[0]))
     else:
         show(known_report.list_table(chosen))
         write_line("visray surfaces NAME tells more of one; visray surface NAME makes a picture of it")
     return 0
+
+
+def _known(word: str) -> str:
+    """The name of a known surface. Raises a UserError if a word names none."""
+    from visray.hints import hint
+    from visray.polynomials.catalogue import SURFACES
+    from visray.surface_picture.names import advice, known_name
+
+    if found := known_name(word):
+        return found
+    near = advice(word)
+    raise UserError(f"surfaces: there is no surface {word!r}; {f'{near} ' if near else ''}({hint('', SURFACES)})")
 
 
 def _draw(path: Path, names: tuple[str, ...], size: tuple[int, int] | None, columns: int | None, json: bool) -> int:

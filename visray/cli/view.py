@@ -14,12 +14,13 @@ from visray.errors import UserError
 
 if TYPE_CHECKING:
     from visray.scene.scene import Scene
+    from visray.surface_picture.recipe import Recipe
 
 Host = Annotated[
     str,
     Parameter(help="Where the server listens. Default: this machine alone. 0.0.0.0: all that can reach this machine."),
 ]
-Port = Annotated[Integer, Parameter(help="Port of the server.")]
+Port = Annotated[Integer | None, Parameter(help="Port of the server. Default: 8080, or the next free one.")]
 NoBrowser = flag("Open no browser; only print the address.")
 Target = Annotated[Share, Parameter(help="The picture gets better until its error is no larger: 0.01 or 1%.")]
 
@@ -30,7 +31,7 @@ def view_command(
     /,
     *,
     host: Host = "127.0.0.1",
-    port: Port = 8080,
+    port: Port = None,
     no_browser: NoBrowser = False,
     error: Target = 0.01,
     at: At = None,
@@ -61,12 +62,13 @@ def show_live(
     *,
     name: str,
     host: str = "127.0.0.1",
-    port: int | None = 8080,
+    port: int | None = None,
     error: float = 0.01,
     at: float | None = None,
     browser: bool = True,
     file: Path | None = None,
     command: Sequence[str] = (),
+    recipe: "Recipe | None" = None,
 ) -> int:
     """Shows a live picture until Ctrl-C. Returns the exit code.
 
@@ -75,18 +77,21 @@ def show_live(
     port: the port; None: any free one
     browser: whether to open a browser, if this machine shows windows
     file: the scene's file, which is watched; None if it has none
+    command: words of the command line that shows the file
+    recipe: of a surface without a file
     """
-    from visray.live.guard import check_installed, chosen_port, is_local
+    from visray.live.guard import is_local
 
     if not 0 < error < 1:
         raise UserError(f"--error = {error:g}: must be between 0 and 1, such as 0.01 or 1%")
-    check_installed()
-    chosen_port(host, port)
+    if file is None or file.exists():
+        check_live(host, port)
     scene = load()
     from visray.live.view import started
 
     reload: Any = load if file is not None else None
-    shown = started(scene, name=name, host=host, port=port, error=error, file=file, command=command, load=reload)
+    more = {"file": file, "command": command, "load": reload, "recipe": recipe}
+    shown = started(scene, name=name, host=host, port=port, error=error, **more)
     try:
         if at is not None:
             shown.live.engine.seek(at)
@@ -109,6 +114,14 @@ def show_live(
         sys.stdout.flush()
         os._exit(0)
     return 0
+
+
+def check_live(host: str, port: int | None) -> None:
+    """Raises a UserError if there is no viser, or if the port is taken. Call this before long work."""
+    from visray.live.guard import check_installed, chosen_port
+
+    check_installed()
+    chosen_port(host, port)
 
 
 def _has_windows() -> bool:

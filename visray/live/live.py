@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from visray.live.viewpoint import Space
     from visray.scene.scene import Scene
     from visray.study.pixel.story import PixelStory
+    from visray.surface_picture.recipe import Recipe
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ class Live:
     file: the scene's file; None for a scene made in Python
     command: words of the command line that shows this scene, without those that change values
     load: reads the scene again, as when its file has changed; None for a scene made in Python
+    recipe: how `visray surface` has made the scene; None for other scenes
     space: coordinates of the pages
     clients: all browsers, by number
     errors: what is wrong, by who says so
@@ -84,6 +86,7 @@ class Live:
     file: Path | None = None
     command: list[str] = field(default_factory=list)
     load: Callable[[], "Scene"] | None = None
+    recipe: "Recipe | None" = None
     clients: dict[int, "Client"] = field(default_factory=dict)
     errors: dict[str, tuple[str, ...]] = field(default_factory=dict)
     ended: threading.Event = field(default_factory=threading.Event)

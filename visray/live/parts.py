@@ -4,6 +4,7 @@ from typing import Any
 
 from visray.live.effects import EffectsPart
 from visray.live.error_chart import ErrorChartPart
+from visray.live.fitting import FittingPart
 from visray.live.handles import HandlesPart
 from visray.live.live import Live
 from visray.live.notices import NoticesPart
@@ -14,7 +15,8 @@ from visray.live.status import StatusPart
 from visray.live.watching import WatchingPart
 
 PARTS = (
-    StatusPart, NoticesPart, PanelPart, PixelPart, HandlesPart, ErrorChartPart, EffectsPart, SavingPart, WatchingPart,
+    StatusPart, NoticesPart, FittingPart, PanelPart, PixelPart, HandlesPart, ErrorChartPart, EffectsPart, SavingPart,
+    WatchingPart,
 )  # fmt: skip
 
 

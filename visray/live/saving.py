@@ -12,10 +12,12 @@ from visray.live.guard import is_local
 from visray.live.live import Live, escaped
 from visray.live.picture_file import picture_file
 from visray.live.reproducing import Seen, Wish, command_line, free_name, parse_wish
+from visray.live.surface_line import surface_line
 from visray.live.tabs import tab
 from visray.output.files import write_text
 from visray.progress import Follower
 from visray.scene.load import dump
+from visray.surface_picture.recipe import recipe_of
 
 # Seconds between two reports of how far a picture is.
 PAUSE = 0.2
@@ -33,11 +35,14 @@ class SavingPart:
         self._lock, self.follower, self.told_at = threading.Lock(), None, 0.0
         gui, film = live.server.gui, live.engine.scene.film
         writes_beside = live.file is not None and is_local(live.server.get_host())
+        has_command = live.file is not None or live.recipe is not None or recipe_of(live.engine.scene) is not None
         with tab(live.server, "Save"):
             with gui.add_folder("Scene"):
                 self.download = gui.add_button("Download the scene", hint="The scene with all changes and this camera")
                 self.beside = gui.add_button("Write it beside the file", visible=writes_beside)
-                self.line = gui.add_button("Command line", hint="The command that makes this picture again")
+                self.line = gui.add_button(
+                    "Command line", hint="The command that makes this picture again", visible=has_command
+                )
             with gui.add_folder("Picture"):
                 self.size = gui.add_text("size", f"{film.width}x{film.height}", hint="Width and height in pixels")
                 self.quality = gui.add_text("quality", "1 %", hint="An error, such as 1 %, or samples, such as 64 spp")
@@ -79,10 +84,13 @@ class SavingPart:
         """Shows the command line in the browser, with a button that copies it."""
         client, seen = self._client(event), self._seen(event)
         gui = client.handle.gui
-        if self.live.file is None or self.live.load is None:
+        outputs = [f"{self._name()}{self._suffix()}"]
+        if self.live.file is not None and self.live.load is not None:
+            line = command_line(self.live.command, self.live.load(), seen, self._wish(), outputs)
+        elif (recipe := self.live.recipe or recipe_of(seen.scene)) is not None:
+            line = surface_line(recipe, seen, self._wish(), outputs)
+        else:
             raise UserError("this scene has no file that a command could name; download it, and render that file")
-        name = self._name()
-        line = command_line(self.live.command, self.live.load(), seen, self._wish(), [f"{name}{self._suffix()}"])
         modal = gui.add_modal("Command line")
         with modal:
             gui.add_html(line_html(line, seen.notes()))

@@ -16,6 +16,7 @@ from visray.live.engine import Change, Engine
 from visray.live.live import Live
 from visray.live.viewpoint import Pose, Space, page_fov, pose_of
 from visray.scene.scene import Scene
+from visray.surface_picture.recipe import Recipe
 from visray.tables import silent_rich
 
 # Seconds that everything has to end. Less than a second, after which Ctrl-C would be thought to be unheard.
@@ -41,6 +42,7 @@ def serve(
     file: Path | None = None,
     command: Sequence[str] = (),
     load: Callable[[], Scene] | None = None,
+    recipe: Recipe | None = None,
 ) -> Live:
     """Starts a live picture. host, port: where its server listens; the port is free."""
     server = guarded_server(host, port, terminal.printable(name))
@@ -50,7 +52,7 @@ def serve(
         guard.chosen_port(host, port)
         raise UserError(f"--port = {port}: another program has just taken it; try again")
     engine = Engine(scene, target=target).start()
-    live = Live(engine, server, name, Space.around(camera_of_scene(engine)), file, list(command), load)
+    live = Live(engine, server, name, Space.around(camera_of_scene(engine)), file, list(command), load, recipe)
     _dress(server, name)
     _set_home(live)
     engine.on_scene(lambda change: _scene_changed(live, change))

@@ -52,6 +52,8 @@ def single_table(name: str) -> Table:
         "a picture": f"visray surface {name}",
         "in a scene": f'{{"type": "polynomial", "surface": "{name}"}}',
     }
+    if known.view and known.view.clip:
+        rows["clip"] += f"; a picture shows a sphere of radius {known.view.clip:g}, which looks better"
     for title, text in rows.items():
         shown.add_row(title, text)
     return shown

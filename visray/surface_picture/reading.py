@@ -7,11 +7,12 @@ from math import isfinite
 
 from visray import polynomials
 from visray.errors import UserError
-from visray.hints import hint, similar
+from visray.hints import hint
 from visray.polynomials import Compiled, PolynomialError
 from visray.polynomials.catalogue import SURFACES, KnownSurface
 from visray.polynomials.everyday import everyday
 from visray.primitives.polynomial import Polynomial
+from visray.surface_picture.names import advice, known_name
 from visray.terminal import printable
 
 # Name of the object, and of the files of a surface without a name.
@@ -60,15 +61,13 @@ def asked(formula: str, parameters: Mapping[str, float]) -> Asked:
     text = " ".join(formula.split())
     label = printable(text if len(text) <= SHOWN else text[: SHOWN - 3] + "...") or "the formula"
     values = {name: _finite(name, value) for name, value in parameters.items()}
-    name = re.sub(r"[ _]", "-", text).casefold()
-    name = next((known for known in SURFACES if known.casefold() == name), name)
-    if name in SURFACES:
+    if name := known_name(text):
         known = SURFACES[name]
         _check_names(values, tuple(known.parameters), f"the surface {name}")
         shape = Polynomial(surface=name, parameters=values)
         return Asked(shape, _compiled(shape, label), known, name, name, ())
-    if _WORDS.fullmatch(text) and (near := similar(name, list(SURFACES))):
-        raise UserError(f'{label}: no surface has this name; did you mean "{near[0]}"? (visray surfaces lists them)')
+    if _WORDS.fullmatch(text) and (near := advice(text)):
+        raise UserError(f"{label}: no surface has this name; {near} (visray surfaces lists them)")
     try:
         read = everyday(text, values)
     except PolynomialError as error:

@@ -143,3 +143,16 @@ def test_what_is_right_is_said():
         with pytest.raises(UserError) as caught:
             checked_argument("a", value, annotation)
         assert str(caught.value) == text
+
+
+@pytest.mark.parametrize(
+    ("options", "advice"),
+    [
+        ({"a": 2}, r'surface_scene\(\): .*\'a\'; a parameter of a formula is written parameters=\{"a": 2\}'),
+        ({"clp": "2"}, 'surface_scene.*did you mean "clip"'),
+        ({"from_": (1, 0, 0)}, "surface_scene.*one of formula, parameters, size, clip, view"),
+    ],
+)
+def test_an_argument_that_is_not_there_is_told(options, advice):
+    with pytest.raises(TypeError, match=advice):
+        vr.surface_scene("x^2 - a", **options)

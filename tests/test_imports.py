@@ -8,8 +8,8 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "visray"
 # From the ground up; a module imports only what stands on a lower line, or before it on its own line.
 FLOORS = """
-clock errors warn memory identity_cache named_files drjit_import terminal arguments version pass_timer leftovers
-hints scene.garbage scene.source
+clock errors warn memory identity_cache named_files drjit_import terminal hints arguments version pass_timer leftovers
+scene.garbage scene.source
 llvm
 quantities pytree output.curves operands
 ray geometry transforms

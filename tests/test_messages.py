@@ -133,3 +133,21 @@ def test_a_similar_name_is_found_among_very_many():
     choices = [f"{letter}{i}" for letter in "abcdefghij" for i in range(1000)]
     assert messages.hint("J7", choices).startswith('did you mean "j7"?')
     assert messages.hint("b0x", choices).startswith('did you mean "b0"?')
+
+
+@pytest.mark.parametrize("text", ["kummer", "x^2 + y^2 = 1", "x² + 1.5", "Barth sextic"])
+def test_a_formula_in_place_of_a_file_is_led_to_surfaces(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError) as error:
+        vr.load(text)
+    assert str(error.value) == (
+        f'{text}: no such file; if it is a formula or a known surface: visray surface "{text}", '
+        f'in Python vr.surface_scene("{text}")'
+    )
+
+
+@pytest.mark.parametrize("text", ["a=1/x.json", "gone.json", "pictures/xyz"])
+def test_other_files_that_are_missing_are_not(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError, match=r"no such file$"):
+        vr.load(text)

@@ -106,7 +106,7 @@ def test_without_a_viewer_or_a_display_nothing_is_rendered(viewers, monkeypatch,
     assert capsys.readouterr().err.startswith("visray: show: no program")
     viewer(viewers / "xdg-open")
     monkeypatch.delenv("WAYLAND_DISPLAY")
-    with pytest.raises(UserError, match="there is no display"):
+    with pytest.raises(UserError, match=r'no display .*; write a file, image.write\("picture.png"\), and open'):
         IMAGE.show()
     assert main(["data", str(ROOT / "scenes/data/ports.csv"), "--show"]) == 2
     assert capsys.readouterr().err.startswith("visray: show: there is no display")

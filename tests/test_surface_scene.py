@@ -15,7 +15,8 @@ from visray import polynomials
 from visray.surface_picture.field import Field
 from visray.surface_picture.look import COOL, WARM
 from visray.surface_picture.picture import Wishes, surface_picture
-from visray.surface_picture.points import special_points, surface_points
+from visray.surface_picture.points import nodes, special_points, surface_points
+from visray.surface_picture.viewing import generator_of
 from visray.surface_picture.whereabouts import whereabouts
 
 SMALL = (64, 64)
@@ -363,3 +364,69 @@ def test_signs_and_crossings():
     )
     np.testing.assert_allclose(at, [0.5, 2.0], atol=1e-7)
     np.testing.assert_array_equal(lines, [0, 1])
+
+
+def test_formulas_of_known_surfaces_are_seen_as_these():
+    heart = scene_of("heart", size=SMALL)
+    for formula in (
+        "(x^2 + 9/4 y^2 + z^2 - 1)^3 = x^2 z^3 + 9/80 y^2 z^3",
+        "3x^2 z^3 + 27/80 y^2 z^3 - 3(x^2 + 2.25y^2 + z^2 - 1)^3",
+    ):
+        made = scene_of(formula, size=SMALL)
+        assert (made.camera, clip_of(made)) == (heart.camera, clip_of(heart)) and made.lights == heart.lights
+        assert "this is the known surface heart" in notes(formula)
+    other = scene_of("(x^2 + 9/4 y^2 + z^2 - 1)^3 = x^2 z^3 + 10/80 y^2 z^3", size=SMALL)
+    assert other.camera != heart.camera and "known surface" not in notes("x^2 + y^2 - z^2 = 1")
+
+
+def along(scene: vr.Scene, axis: tuple[float, float, float]) -> float:
+    """The angle in degrees under which the camera looks along an axis."""
+    towards = np.subtract(scene.camera.origin, clip_of(scene).center)
+    return float(np.degrees(np.arccos(abs(towards @ axis) / np.linalg.norm(towards))))
+
+
+@pytest.mark.parametrize(
+    ("formula", "generator"),
+    [
+        ("y = x^2", (0, 0, 1)),
+        ("xy = 1", (0, 0, 1)),
+        ("y^2 = x^3 - x", (0, 0, 1)),
+        ("z = x^2", (0, 1, 0)),
+        ("yz = 1", (1, 0, 0)),
+        ("(x + y + z)^2 = x - y", np.array((1, 1, -2)) / 6**0.5),
+    ],
+)
+def test_cylinders_are_looked_into(formula, generator):
+    scene = scene_of(formula)
+    shape = scene.objects["surface"]
+    f = Field(polynomials.build(shape.source(), shape.parameters))
+    found = generator_of(f, surface_points(f, np.zeros(3), clip_of(scene).radius))
+    assert abs(found @ generator) > 1 - 1e-9 and 12 < along(scene, generator) < 40
+
+
+def test_only_cylinders_have_generators():
+    for formula in ("z - x*y", "x^2 + y^2 - z^2", "x + y", "z - x^3 + 3*x*y^2"):
+        assert generator_of(field(formula), surface_points(field(formula), np.zeros(3), 1.0)) is None
+
+
+@pytest.mark.parametrize("formula", ["x^3 + y^2 = z^2", "z^2 = x^2 (x + 1) - y^2", "x^2 + y^2 = z^2"])
+def test_nodes_are_not_hidden(formula):
+    scene = scene_of(formula)
+    shape = scene.objects["surface"]
+    f = Field(polynomials.build(shape.source(), shape.parameters))
+    found = nodes(f, np.zeros(3), clip_of(scene).radius, surface_points(f, np.zeros(3), clip_of(scene).radius, 16))
+    np.testing.assert_allclose(found, [[0, 0, 0]], atol=1e-3)
+    t = np.linspace(0.03, 1, 400)[:, None] * clip_of(scene).radius
+    values = f.values(t * np.array(scene.camera.origin) / np.linalg.norm(scene.camera.origin))
+    assert (values > 0).all() or (values < 0).all()
+
+
+def test_points_of_singular_curves_are_no_nodes():
+    for formula in ("x^2*y^2 + x^2*z^2 + y^2*z^2 - 2*x*y*z", "y^2 - x^3"):
+        starts = surface_points(field(formula), np.zeros(3), 1.2, 16)
+        assert len(nodes(field(formula), np.zeros(3), 1.2, starts)) <= 1
+
+
+def test_the_clip_of_a_known_surface_grows_with_its_parameters():
+    assert clip_of(scene_of("kummer")).radius == clip_of(scene_of("kummer", {"mu": 1.3})).radius == 2.3
+    assert 3.5 < clip_of(scene_of("kummer", {"mu": 1.9})).radius < 4.5

@@ -9,6 +9,7 @@ from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from visray.errors import UserError
+from visray.hints import hint
 from visray.terminal import printable
 
 LONGEST_VALUE = 60
@@ -25,7 +26,10 @@ def checked_arguments(function: Callable) -> Callable:
     @wraps(function)
     def checking(*args: Any, **kwargs: Any) -> Any:
         declared, hints = _declared(function)
-        bound = declared.bind(*args, **kwargs)
+        try:
+            bound = declared.bind(*args, **kwargs)
+        except TypeError as error:
+            raise TypeError(f"{function.__name__}(): {error}{_known_arguments(declared, kwargs)}") from None
         for name, value in bound.arguments.items():
             if name in hints:
                 bound.arguments[name] = checked_argument(name, value, hints[name])
@@ -40,6 +44,18 @@ def _declared(function: Callable) -> tuple[Signature, dict[str, Any]]:
     declared = signature(function)
     own = {name: hint for name, hint in get_type_hints(function).items() if name in declared.parameters}
     return declared, own
+
+
+def _known_arguments(declared: Signature, kwargs: Mapping[str, Any]) -> str:
+    """What to write in place of an argument that a function does not have; "" if it has all of them."""
+    unknown = [name for name in kwargs if name not in declared.parameters]
+    if not unknown:
+        return ""
+    value = kwargs[unknown[0]]
+    if "parameters" in declared.parameters and isinstance(value, (int, float)):
+        return f'; a parameter of a formula is written parameters={{"{unknown[0]}": {value!r}}}'
+    known = [name for name in declared.parameters if name != "self"]
+    return f"; {hint(unknown[0].strip('_'), known)}"
 
 
 def checked_argument(name: str, value: Any, annotation: Any) -> Any:

@@ -23,8 +23,10 @@ class FittingPart:
     def __init__(self, live: Live):
         self.live = live
         self._staying: list[tuple[Client, Pose]] = []
-        if recipe_of(live.engine.scene) is None:
+        found = recipe_of(live.engine.scene)
+        if found is None:
             return
+        self._formula = found.formula
         with tab(live.server, "Scene"):
             self.button = live.server.gui.add_button(
                 "Fit to the surface", hint="Clip, camera and lights, as a new picture with these parameters has them"
@@ -58,6 +60,6 @@ class FittingPart:
         found = recipe_of(scene)
         if found is None:
             raise UserError(f"objects.{SURFACE}: is no surface of a formula with a ball as its clip any more")
-        if self.live.recipe is None:
+        if self.live.recipe is None or found.formula != self._formula:
             return found
         return self.live.recipe.with_values(found.parameters, found.wishes.size)

@@ -158,7 +158,7 @@ class Image:
         """
         data = self.png(gamma, exposure, legend)
         if not system_viewer.show_in_notebook(data):
-            system_viewer.check_viewer()
+            system_viewer.check_viewer('write a file, image.write("picture.png")')
             system_viewer.show_png(data)
 
     def _encoded(self, facts: dict[str, Any], gamma: Gamma, exposure: float, legend: bool) -> bytes:

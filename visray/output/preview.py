@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from visray import terminal
 from visray.errors import UserError
 from visray.output.curves import Gamma
+from visray.output.system_viewer import has_windows
 
 if TYPE_CHECKING:
     from PIL import Image as Pillow
@@ -46,9 +47,11 @@ def screen() -> Screen:
     from visray import tables
 
     if not terminal.is_terminal():
-        raise UserError("preview: standard output is not a terminal, so it shows no picture; --show opens a window")
+        instead = "--show opens a window" if has_windows() else "-o picture.png writes a file"
+        raise UserError(f"preview: standard output is not a terminal, so it shows no picture; {instead}")
     if tables.console().color_system is None:
-        raise UserError(f"preview: a terminal with TERM={os.environ.get('TERM', '')} shows no picture; --show does")
+        instead = "--show does" if has_windows() else "-o picture.png writes a file"
+        raise UserError(f"preview: a terminal with TERM={os.environ.get('TERM', '')} shows no picture; {instead}")
     if not terminal.can_write(BLOCKS):
         raise UserError("preview: the encoding of standard output has no half blocks; set it to UTF-8, or use --show")
     # At its import the library asks the terminal, too, and when an answer is missing, it logs that.

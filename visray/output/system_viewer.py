@@ -24,10 +24,28 @@ ANSWERS_WITHIN = 2.0
 FAILS_WITHIN = 0.5
 
 
-def check_viewer() -> None:
-    """Raises a UserError if no picture can be shown. Call this before a long render."""
+def check_viewer(instead: str = "write a file with -o") -> None:
+    """Raises a UserError if no picture can be shown. Call this before a long render.
+
+    instead: what to do then.
+    """
     if sys.platform not in ("win32", "darwin"):
-        _unix_commands()
+        _unix_commands(instead)
+
+
+def has_windows() -> bool:
+    """Whether programs can open windows here."""
+    return sys.platform in ("win32", "darwin") or not _no_windows()
+
+
+def _no_windows() -> str:
+    """Why no program of Unix can open a window here; "" if it can."""
+    given = {name: text for name in DISPLAYS if (text := os.environ.get(name))}
+    if not given:
+        return "there is no display to open a window on"
+    if set(given) == {"DISPLAY"} and not _is_open(given["DISPLAY"]):
+        return f"DISPLAY = {given['DISPLAY']}: no display answers there to open a window on"
+    return ""
 
 
 def show_file(path: str | os.PathLike[str]) -> None:
@@ -45,17 +63,14 @@ def show_file(path: str | os.PathLike[str]) -> None:
         raise UserError(f"show: {names} failed; open {os.fspath(path)} yourself")
 
 
-def _unix_commands() -> list[tuple[str, ...]]:
-    """The commands of this machine that show a file. Raises a UserError if there are none."""
-    given = {name: text for name in DISPLAYS if (text := os.environ.get(name))}
-    if not given:
-        raise UserError("show: there is no display to open a window on; write a file with -o, and open it elsewhere")
-    if set(given) == {"DISPLAY"} and not _is_open(given["DISPLAY"]):
-        problem = f"show: DISPLAY = {given['DISPLAY']}: no display answers there to open a window on"
-        raise UserError(f"{problem}; write a file with -o, and open it elsewhere")
+def _unix_commands(instead: str = "write a file") -> list[tuple[str, ...]]:
+    """The commands of this machine that show a file. Raises a UserError if there are none, which says what to do
+    instead."""
+    if problem := _no_windows():
+        raise UserError(f"show: {problem}; {instead}, and open it elsewhere")
     found = [command for command in COMMANDS if shutil.which(command[0])]
     if not found:
-        raise UserError("show: no program that shows pictures was found; install xdg-utils, or write a file with -o")
+        raise UserError(f"show: no program that shows pictures was found; install xdg-utils, or {instead}")
     return found
 
 

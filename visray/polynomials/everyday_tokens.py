@@ -84,8 +84,10 @@ class Tokens:
                 yield from self._raised(i, end := self._run(i, SUPERSCRIPTS))
             elif number := LITERAL.match(text, i):
                 end = number.end()
-                if re.search(r"e[+-]", number[0], re.IGNORECASE) and "." not in number[0]:
-                    self.note(f"{number[0]} is read as one number; write 2*e - 3 for a product with e")
+                parts = re.fullmatch(r"(\d+)e([+-])(\d+)", number[0], re.IGNORECASE)
+                if parts:
+                    product = "{}*e {} {}".format(*parts.groups())
+                    self.note(f"{number[0]} is read as one number; write {product} for a product with e")
                 yield self.token("number", number[0], i, end)
             elif c.isascii() and c.isalpha():
                 yield from self._words(i, end := self._run(i, str.isalpha))

@@ -20,6 +20,11 @@ DEEPEST = 210
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _SQUARE = bytes.maketrans(b"{}", b"[]")
 _HALF = re.compile("[\ud800-\udfff]")
+# A text that may be a name or a formula, and no path.
+_NAME, _FORMULA = (
+    re.compile("[A-Za-z][A-Za-z0-9 -]*"),
+    re.compile(r"(?=.*[xyz])(?=.*[\^=*+²³]).*(?<!\.json)", re.DOTALL),
+)
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,7 @@ def read(path: str | Path) -> Source:
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:
-        raise UserError(f"{path}: no such file{neighbour(Path(path))}") from None
+        raise UserError(f"{path}: no such file{neighbour(Path(path)) or _as_surface(str(path))}") from None
     except IsADirectoryError:
         raise UserError(f"{path}: is a folder; give a file in it") from None
     except (OSError, ValueError) as error:
@@ -195,6 +200,13 @@ def _plain(tree: Any, address: str, repeated: list[str]) -> Any:
         repeated += [address + key for key in tree.repeated]
         return {k: _plain(v, f"{address}{k}.", repeated) for k, v in tree.items()}
     return tree
+
+
+def _as_surface(text: str) -> str:
+    """A hint for a text that is no file, but a formula or the name of a known surface; "" for any other text."""
+    if not (_NAME.fullmatch(text) or _FORMULA.fullmatch(text)):
+        return ""
+    return f'; if it is a formula or a known surface: visray surface "{text}", in Python vr.surface_scene("{text}")'
 
 
 def neighbour(path: Path, suffixes: Collection[str] | None = None) -> str:

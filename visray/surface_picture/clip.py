@@ -3,11 +3,13 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from visray.errors import UserError
-from visray.polynomials import PolynomialError, check_sizes
+from visray.polynomials import PolynomialError, build, check_sizes
+from visray.polynomials.catalogue import SURFACES
 from visray.polynomials.formula_facts import FormulaFacts, formula_facts
 from visray.primitives.clips import Ball
 from visray.quantities import FARTHEST
@@ -41,12 +43,15 @@ def clip_for(surface: Asked, field: Field, radius: float | None) -> Cut:
 
     field: the polynomial of the surface. radius: that of the clip, if it is asked for.
     """
-    known, found, whole = surface.known, None, None
+    known, found, whole = surface.model, None, None
     if radius is not None:
         ball = Ball(center=known.centre if known else (0.0, 0.0, 0.0), radius=float(radius))
     elif known:
         own = known.view.clip if known.view else None
-        ball, whole = Ball(center=known.centre, radius=own or known.radius), known.compact and own is None
+        grown, ends = _growth(surface, field)
+        radius = own or known.radius
+        radius = radius if grown == 1 else _two_digits(grown * radius, math.ceil)
+        ball, whole = Ball(center=known.centre, radius=radius), known.compact and own is None and ends
     else:
         found = whereabouts(field)
         if found is None:
@@ -60,6 +65,25 @@ def clip_for(surface: Asked, field: Field, radius: float | None) -> Cut:
     if not len(points):
         raise UserError(_nothing_in(surface, field, ball))
     return Cut(ball, whole, points)
+
+
+def _growth(surface: Asked, field: Field) -> tuple[float, bool]:
+    """How much larger a known surface is with its parameters than with the usual ones, and whether it ends if it does
+    with those. 1 and True for the usual ones."""
+    known, name = surface.known, surface.shape.surface
+    if known is None or not surface.shape.parameters.items() - known.parameters.items():
+        return 1.0, True
+    usual, found = _usual(name), whereabouts(field)
+    if usual is None or found is None:
+        return 1.0, True
+    return found.radius / usual.radius, found.compact
+
+
+@cache
+def _usual(name: str) -> Whereabouts | None:
+    """Where a known surface with its usual parameters is."""
+    known = SURFACES[name]
+    return whereabouts(Field(build(known.expression, known.parameters)))
 
 
 def facts(surface: Asked, clip: Ball | None) -> FormulaFacts:

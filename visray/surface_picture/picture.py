@@ -73,9 +73,9 @@ def surface_picture(formula: str, parameters: Mapping[str, float], wishes: Wishe
     field = Field(surface.compiled)
     cut = clip_for(surface, field, wishes.clip)
     ball = cut.ball
-    view = surface.known.view if surface.known else None
+    view = surface.model.view if surface.model else None
     up, zoom = (view.up, view.zoom) if view and wishes.towards is None else (UP, 1.0)
-    towards = wishes.towards or (view.direction if view else best_direction(field, ball))
+    towards = wishes.towards or (view.direction if view else best_direction(field, ball, cut.points))
     front = seen(field, ball, axes_towards(towards, up), ACROSS).front
     width, height = wishes.size
     scene = Scene(

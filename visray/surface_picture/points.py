@@ -22,6 +22,9 @@ WIDE, FAR = 400, np.append(0.0, np.geomspace(1e-3, 1e4, 160))
 SAME = 1e-4
 # A singular point is isolated if the smallest eigenvalue of the Hessian is this share of the largest or more.
 ISOLATED = 1e-3
+# Nodes farther from the middle of a clip than this share of its radius hardly show. Nearer to each other than this
+# share, they are one.
+NODES_WITHIN, ONE_NODE = 0.97, 1e-3
 # Steps of the search for special points.
 SPECIAL_STEPS = 25
 
@@ -96,15 +99,31 @@ def special_points(field: Field, centre: np.ndarray, starts: np.ndarray) -> Spec
     return Special(distinct(p[on]), distinct(turning), distinct(p[~on]))
 
 
-def _still(field: Field, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Isolated points at which the gradient is 0, and the size of the Hessian there. Shapes: (M, 3), (M)."""
+def nodes(field: Field, centre: np.ndarray, radius: float, starts: np.ndarray) -> np.ndarray:
+    """Singular points of the surface in a ball, without those on singular curves. starts: points of the surface.
+    Shapes: (3), (N, 3), (M, 3)."""
+    with np.errstate(all="ignore"):
+        p, size = _still(field, starts, isolated=0.0)
+        value = np.abs(field.jet(p).value)
+    p = p[(value <= 1e-9 * size * radius**2) & (np.linalg.norm(p - centre, axis=1) < NODES_WITHIN * radius)]
+    cells = np.round((p - centre) / (ONE_NODE * radius))
+    _, first, count = np.unique(cells, axis=0, return_index=True, return_counts=True)
+    # Many starts lead to the same node, but each to its own point of a curve.
+    return p[first[count >= 2]]
+
+
+def _still(field: Field, p: np.ndarray, isolated: float = ISOLATED) -> tuple[np.ndarray, np.ndarray]:
+    """Isolated points at which the gradient is 0, and the size of the Hessian there. Shapes: (M, 3), (M).
+
+    isolated: the least share of the smallest eigenvalue of the Hessian of the largest.
+    """
     for _ in range(SPECIAL_STEPS):
         gradient, hessian = _derivatives(field.jet(p))
         p = p - _solved(hessian, gradient)
     gradient, hessian = _derivatives(field.jet(p))
     sizes = np.sort(np.abs(np.linalg.eigvalsh(hessian)), axis=1)
     found = np.linalg.norm(gradient, axis=1) <= 0.1 * CLOSE * sizes[:, 2] * (np.linalg.norm(p, axis=1) + 1e-3)
-    found &= (sizes[:, 0] > ISOLATED * sizes[:, 2]) & np.isfinite(p).all(1)
+    found &= (sizes[:, 0] >= isolated * sizes[:, 2]) & (sizes[:, 2] > 0) & np.isfinite(p).all(1)
     return p[found], sizes[found, 2]
 
 

@@ -12,6 +12,7 @@ from visray.polynomials import Compiled, PolynomialError
 from visray.polynomials.catalogue import SURFACES, KnownSurface
 from visray.polynomials.everyday import everyday
 from visray.primitives.polynomial import Polynomial
+from visray.surface_picture.like import known_like
 from visray.surface_picture.names import advice, known_name
 from visray.terminal import printable
 
@@ -32,6 +33,7 @@ class Asked:
     shape: the polynomial without a clip of its own.
     compiled: the polynomial in coordinates about the origin.
     known: the known surface, or None.
+    twin: the known surface of which the formula is a multiple, or None.
     name: of the surface, for files.
     label: the formula or the name, for messages.
     notes: how the formula was read, where that may surprise.
@@ -43,6 +45,12 @@ class Asked:
     name: str
     label: str
     notes: tuple[str, ...]
+    twin: KnownSurface | None = None
+
+    @property
+    def model(self) -> KnownSurface | None:
+        """The known surface whose view and clip are taken; None if they are fitted."""
+        return self.known or self.twin
 
     @property
     def described(self) -> str:
@@ -79,7 +87,11 @@ def asked(formula: str, parameters: Mapping[str, float]) -> Asked:
     given = {name: values.get(name, DEFAULT) for name in read.parameters}
     shape = Polynomial(expression=read.expression, parameters=given)
     compiled = _compiled(shape, label)
-    return Asked(shape, compiled, None, SURFACE, label, (*notes, *_about_degree(shape, compiled)))
+    notes += _about_degree(shape, compiled)
+    like = None if given else known_like(read.expression)
+    if like is not None:
+        notes.append(f"this is the known surface {like}, and is shown as visray surface {like} shows it")
+    return Asked(shape, compiled, None, SURFACE, label, tuple(notes), SURFACES[like] if like else None)
 
 
 def _listed(parameters: Mapping[str, float]) -> str:

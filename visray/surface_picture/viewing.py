@@ -10,6 +10,7 @@ from visray.fitting import Balls, Rig, fitted_lights, fitted_view
 from visray.lights.light import Light
 from visray.primitives.clips import Ball
 from visray.surface_picture.field import Field
+from visray.surface_picture.points import nodes
 
 # Directions that are tried: azimuths in degrees from x to y, and elevations above the plane z = 0.
 AZIMUTHS, ELEVATIONS = np.arange(-180, 180, 30) - 52.5, (12.0, 25.0, 36.0)
@@ -20,6 +21,15 @@ BOOK, TURNED, RAISED = (-52.5, 25.0), 0.002, 0.01
 VARIED = 1.5
 # Beside the best azimuth, those at this distance in degrees are tried too.
 FINER = 12.0
+# Elevations that are tried too if the surface is a cylinder. Its generators are looked at under INTO degrees; a view is
+# worth less by the square of the difference, times this number.
+STEEP, INTO, ASKEW = (50.0, 65.0), 25.0, 0.004
+# Of a cylinder, the mean square of the cosine between normals and generators is less than the first, and normals are
+# not all alike by the second.
+STRAIGHT, CURVED = 1e-16, 1e-3
+# How much more a view is worth that shows all nodes, points from which they are searched for, and where the way from a
+# node to the camera begins, as a share of the radius of the clip.
+SHOWN, STARTS, AWAY = 0.5, 500, 0.03
 # Rays across a picture and steps along each, when directions are compared.
 ACROSS, STEPS = 30, 44
 # Cells of space, along the radius of the clip, of which is counted how many are seen.
@@ -73,9 +83,15 @@ def direction(azimuth: float, elevation: float) -> np.ndarray:
     return np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)])
 
 
-def best_direction(field: Field, ball: Ball) -> tuple[float, float, float]:
+def best_direction(field: Field, ball: Ball, points: np.ndarray) -> tuple[float, float, float]:
     """The direction towards the camera from which the most cells of the surface are seen, with each side counted, and
-    not all of them straight. A view as in a book is taken before others that show hardly more."""
+    not all of them straight, and nodes are not hidden. A view as in a book is taken before others that show hardly
+    more. A cylinder is looked into, so that its profile is seen.
+
+    points: points of the surface all over the ball. Shape: (N, 3).
+    """
+    generator = generator_of(field, points)
+    singular = nodes(field, np.array(ball.center), ball.radius, points[:: max(1, len(points) // STARTS)])
     worth = {}
 
     def worth_of(azimuth: float, elevation: float) -> float:
@@ -83,12 +99,15 @@ def best_direction(field: Field, ball: Ball) -> tuple[float, float, float]:
             towards = direction(azimuth, elevation)
             turned = abs((azimuth - BOOK[0] + 180) % 360 - 180)
             other = 1 + TURNED * turned + RAISED * abs(elevation - BOOK[1])
+            if generator is not None:
+                other *= 1 + ASKEW * (np.degrees(np.arccos(min(1.0, abs(towards @ generator)))) - INTO) ** 2
             found = seen(field, ball, axes_towards(towards, (0, 0, 1)))
-            worth[azimuth, elevation] = _cells(found, ball) * (1 + VARIED * _variety(field, found, towards)) / other
+            value = _cells(found, ball) * (1 + VARIED * _variety(field, found, towards))
+            worth[azimuth, elevation] = value * (1 + SHOWN * _shown(field, ball, singular, towards)) / other
         return worth[azimuth, elevation]
 
     worth_of(*BOOK)
-    for elevation in ELEVATIONS:
+    for elevation in ELEVATIONS if generator is None else (*ELEVATIONS, *STEEP):
         for azimuth in AZIMUTHS:
             worth_of(float(azimuth), elevation)
     azimuth, elevation = max(worth, key=worth.get)
@@ -96,6 +115,30 @@ def best_direction(field: Field, ball: Ball) -> tuple[float, float, float]:
     for beside in (-FINER, FINER):
         worth_of(azimuth + beside, elevation)
     return tuple(np.round(direction(*max(worth, key=worth.get)), 2).tolist())
+
+
+def generator_of(field: Field, points: np.ndarray) -> np.ndarray | None:
+    """The unit vector along which a cylinder over a plane curve goes on; None if the surface is no cylinder, or flat.
+    points: points of the surface. Shape: (N, 3)."""
+    _, gradient = field.slope(points)
+    length = np.linalg.norm(gradient, axis=0)
+    normals = gradient[:, length > 0] / length[length > 0]
+    if normals.shape[1] < 3:
+        return None
+    sizes, axes = np.linalg.eigh(normals @ normals.T / normals.shape[1])
+    return axes[:, 0] if sizes[0] < STRAIGHT and sizes[1] > CURVED else None
+
+
+def _shown(field: Field, ball: Ball, singular: np.ndarray, towards: np.ndarray) -> float:
+    """The share of the nodes that nothing hides from a camera. Shapes: singular (N, 3), towards (3)."""
+    if not len(singular):
+        return 0.0
+    t = np.linspace(AWAY, 2, STEPS) * ball.radius
+    places = singular[:, None] + t[:, None] * towards
+    inside = np.linalg.norm(places - np.array(ball.center), axis=2) < ball.radius
+    above = field.values(places) > 0
+    hidden = ((above[:, 1:] != above[:, :-1]) & inside[:, 1:]).any(1)
+    return 1 - float(hidden.mean())
 
 
 def _variety(field: Field, found: Seen, towards: np.ndarray) -> float:

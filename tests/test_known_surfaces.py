@@ -177,7 +177,7 @@ def test_reports_as_json(capsys):
 
 WRONG = {
     ("klein",): "surfaces: there is no surface 'klein'; did you mean \"klein-bottle\"?",
-    ("barth",): 'surfaces: there is no surface \'barth\'; did you mean "barth-sextic" or "barth-decic"?',
+    ("barth",): 'surfaces: there is no surface \'barth\'; did you mean "barth-decic" or "barth-sextic"?',
     ("kumer",): "surfaces: there is no surface 'kumer'; did you mean \"kummer\"?",
     ("--only", "heart,tors"): "surfaces: there is no surface 'tors'; did you mean \"torus\"?",
     ("--only", ","): "--only: names no surface; write names",

@@ -1,7 +1,6 @@
 """`visray surface`: the files that it writes, what it says, and the one line that bad input gets."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -113,8 +112,8 @@ def test_a_live_picture_is_that_of_the_same_scene(capsys, monkeypatch):
     expected = vr.surface_scene("x^2 + y^2 - z^2 - a", {"a": 0.5}, clip=2)
     assert seen["scene"] == vr.replaced(expected, "lights.key.samples", 1)
     assert seen["port"] == 9000 and seen["error"] == 0.02 and seen["browser"] is False and "file" not in seen
-    assert said(capsys, *seen["recipe"].words()[2:], "--save", "again.json", *SMALL)[0] == 0
-    assert replace(vr.load("again.json"), film=seen["scene"].film) == seen["scene"]
+    assert said(capsys, *seen["recipe"].words()[2:], "--save", "again.json", "--spp", "1")[0] == 0
+    assert vr.load("again.json").hash() == seen["scene"].hash()
     # A scene that is saved is watched.
     assert said(capsys, "heart", "--view", "--save", "heart.json")[0] == 0 and seen.get("port") is None
     assert seen["file"] == Path("heart.json") and seen["scene"] == vr.load("heart.json")

@@ -25,6 +25,8 @@ ISOLATED = 1e-3
 # Nodes farther from the middle of a clip than this share of its radius hardly show. Nearer to each other than this
 # share, they are one.
 NODES_WITHIN, ONE_NODE = 0.97, 1e-3
+# How far beside a node it is searched for again, as a share of the same radius.
+ASIDE = 0.05
 # Steps of the search for special points.
 SPECIAL_STEPS = 25
 
@@ -105,11 +107,14 @@ def nodes(field: Field, centre: np.ndarray, radius: float, starts: np.ndarray) -
     with np.errstate(all="ignore"):
         p, size = _still(field, starts, isolated=0.0)
         value = np.abs(field.jet(p).value)
-    p = p[(value <= 1e-9 * size * radius**2) & (np.linalg.norm(p - centre, axis=1) < NODES_WITHIN * radius)]
-    cells = np.round((p - centre) / (ONE_NODE * radius))
-    _, first, count = np.unique(cells, axis=0, return_index=True, return_counts=True)
-    # Many starts lead to the same node, but each to its own point of a curve.
-    return p[first[count >= 2]]
+        p = p[(value <= 1e-9 * size * radius**2) & (np.linalg.norm(p - centre, axis=1) < NODES_WITHIN * radius)]
+        _, first = np.unique(np.round((p - centre) / (ONE_NODE * radius)), axis=0, return_index=True)
+        p = p[first]
+        # From beside a node, the search leads back to it; from beside a point of a curve, to another one.
+        sizes, axes = np.linalg.eigh(_derivatives(field.jet(p))[1])
+        flattest = axes[np.arange(len(p)), :, np.abs(sizes).argmin(1)]
+        back = _descended(field, p + ASIDE * radius * flattest)
+    return p[np.linalg.norm(back - p, axis=1) < 0.1 * ASIDE * radius]
 
 
 def _still(field: Field, p: np.ndarray, isolated: float = ISOLATED) -> tuple[np.ndarray, np.ndarray]:
@@ -117,14 +122,20 @@ def _still(field: Field, p: np.ndarray, isolated: float = ISOLATED) -> tuple[np.
 
     isolated: the least share of the smallest eigenvalue of the Hessian of the largest.
     """
-    for _ in range(SPECIAL_STEPS):
-        gradient, hessian = _derivatives(field.jet(p))
-        p = p - _solved(hessian, gradient)
+    p = _descended(field, p)
     gradient, hessian = _derivatives(field.jet(p))
     sizes = np.sort(np.abs(np.linalg.eigvalsh(hessian)), axis=1)
     found = np.linalg.norm(gradient, axis=1) <= 0.1 * CLOSE * sizes[:, 2] * (np.linalg.norm(p, axis=1) + 1e-3)
     found &= (sizes[:, 0] >= isolated * sizes[:, 2]) & (sizes[:, 2] > 0) & np.isfinite(p).all(1)
     return p[found], sizes[found, 2]
+
+
+def _descended(field: Field, p: np.ndarray) -> np.ndarray:
+    """Where Newton's method for a gradient of 0 leads. Shapes: (N, 3)."""
+    for _ in range(SPECIAL_STEPS):
+        gradient, hessian = _derivatives(field.jet(p))
+        p = p - _solved(hessian, gradient)
+    return p
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -40,6 +40,8 @@ def surface_scene(
     What is chosen and may not be expected is told by warnings. Raises a UserError if an argument is wrong.
     """
     film = adjusted(Scene(), size=size).film
+    if clip is not None and (isinstance(clip, bool) or not isinstance(clip, (int, float))):
+        raise UserError(f"clip = {shown(clip)}: must be a number greater than 0")
     wishes = Wishes(
         size=(film.width, film.height),
         clip=clip,

@@ -28,8 +28,8 @@ STEEP, INTO, ASKEW = (50.0, 65.0), 25.0, 0.004
 # not all alike by the second.
 STRAIGHT, CURVED = 1e-16, 1e-3
 # How much more a view is worth that shows all nodes, points from which they are searched for, and where the way from a
-# node to the camera begins, as a share of the radius of the clip.
-SHOWN, STARTS, AWAY = 0.5, 500, 0.03
+# node to the camera begins, as a share of the radius of the clip. The camera is moved by this many radians.
+SHOWN, STARTS, AWAY, MOVED = 0.5, 500, 0.03, 0.15
 # Rays across a picture and steps along each, when directions are compared.
 ACROSS, STEPS = 30, 44
 # Cells of space, along the radius of the clip, of which is counted how many are seen.
@@ -130,14 +130,17 @@ def generator_of(field: Field, points: np.ndarray) -> np.ndarray | None:
 
 
 def _shown(field: Field, ball: Ball, singular: np.ndarray, towards: np.ndarray) -> float:
-    """The share of the nodes that nothing hides from a camera. Shapes: singular (N, 3), towards (3)."""
+    """The share of the nodes that nothing hides from a camera, also if it is moved a little. Shapes: singular (N, 3),
+    towards (3)."""
     if not len(singular):
         return 0.0
+    across = MOVED * axes_towards(towards, (0, 0, 1))[:2]
+    cameras = towards + np.concatenate([np.zeros((1, 3)), across, -across])
     t = np.linspace(AWAY, 2, STEPS) * ball.radius
-    places = singular[:, None] + t[:, None] * towards
-    inside = np.linalg.norm(places - np.array(ball.center), axis=2) < ball.radius
+    places = singular[:, None, None] + t[:, None] * cameras[:, None, :]
+    inside = np.linalg.norm(places - np.array(ball.center), axis=-1) < ball.radius
     above = field.values(places) > 0
-    hidden = ((above[:, 1:] != above[:, :-1]) & inside[:, 1:]).any(1)
+    hidden = ((above[..., 1:] != above[..., :-1]) & inside[..., 1:]).any(-1)
     return 1 - float(hidden.mean())
 
 

@@ -142,7 +142,7 @@ def test_without_colours_there_are_shades():
 @pytest.mark.parametrize(
     ("environment", "reason"),
     [
-        ({"TERM": "dumb", "DISPLAY": ":0"}, "a terminal with TERM=dumb shows no picture; --show does"),
+        ({"TERM": "dumb", "WAYLAND_DISPLAY": "wayland-0"}, "a terminal with TERM=dumb shows no picture; --show does"),
         ({"TERM": "dumb", "DISPLAY": ""}, "a terminal with TERM=dumb shows no picture; -o picture.png writes a file"),
         ({"PYTHONIOENCODING": "latin-1"}, "the encoding of standard output has no half blocks"),
     ],

@@ -9,6 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "visray"
 # From the ground up; a module imports only what stands on a lower line, or before it on its own line.
 FLOORS = """
 clock errors warn memory identity_cache named_files drjit_import terminal hints arguments version pass_timer leftovers
+work_threads
 scene.garbage scene.source
 llvm
 quantities pytree output.curves operands

@@ -1,7 +1,6 @@
 """The command `visray data`: a picture of a table without a scene file."""
 
 import re
-import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from visray.cli.options import Integer, Json, Share, Threads, app, flag, parse_l
 from visray.cli.picture_options import Preview, Show
 from visray.cli.showing import Showing
 from visray.errors import UserError
+from visray.leftovers import passing_folder
 from visray.terminal import write_line
 
 if TYPE_CHECKING:
@@ -247,8 +247,8 @@ def _scene_file(save: Path | None, stem: str) -> Iterator[Path]:
     if save is not None:
         yield save
         return
-    with tempfile.TemporaryDirectory(prefix="visray-") as folder:
-        yield Path(folder, f"{stem}.json")
+    with passing_folder() as folder:
+        yield folder / f"{stem}.json"
 
 
 def _write(made: "DataPicture", scene: Path, kept: bool) -> None:

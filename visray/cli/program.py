@@ -23,6 +23,8 @@ from visray.errors import UserError
 
 # Exit codes. A command itself returns 0 (done), 1 (a check failed) or INTERRUPTED.
 BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, TERMINATED = 2, 70, 130, 143
+# Seconds that threads of visray have to end after the command.
+PATIENCE = 0.3
 # Signals that ask the program to stop: Ctrl-C, and what systems send before they end a process.
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # If this environment variable is set, an internal error shows its traceback too.
@@ -46,7 +48,12 @@ def main(tokens: list[str] | None = None) -> int:
         if tokens is None and stop.catches:
             # The process ends now. From here on, Ctrl-C ends it without a word.
             stop.previous_handlers = dict.fromkeys(SIGNALS, signal.SIG_DFL)
-    return TERMINATED if code == INTERRUPTED and stop.last_signal() == signal.SIGTERM else code
+    code = TERMINATED if code == INTERRUPTED and stop.last_signal() == signal.SIGTERM else code
+    threads = sys.modules.get("visray.work_threads")
+    if tokens is None and threads is not None and not threads.have_ended(PATIENCE):
+        # A thread that compiles cannot be interrupted. Python's end would wait for it.
+        leftovers.leave(code)
+    return code
 
 
 def _run(tokens: list[str] | None) -> int:

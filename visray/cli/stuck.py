@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from visray import leftovers, terminal
 
@@ -56,14 +57,25 @@ def _watch(reading: int, code: int) -> None:
             continue
         deadline = None
         if _loses_nothing() or presses > 1:
-            leftovers.remove_all()
             terminal.restore()
             terminal.say("stopped before anything could be kept" if presses == 1 else "stopped; nothing is kept")
-            os._exit(code if last == signal.SIGINT else 128 + last)
+            leftovers.leave(code if last == signal.SIGINT else 128 + last)
         terminal.say("stopping: what is done so far is kept as soon as possible; Ctrl-C again ends at once")
+
+
+def last_signal() -> int | None:
+    """Number of the last signal that asked the program to stop, as the owner of the handler of Ctrl-C says; None if
+    there was none."""
+    owner = _owner()
+    return owner.last_signal() if hasattr(owner, "last_signal") else None
 
 
 def _loses_nothing() -> bool:
     """Whether the process may be ended without a loss, as the owner of the handler of Ctrl-C says."""
-    owner = getattr(signal.getsignal(signal.SIGINT), "__self__", None)
+    owner = _owner()
     return owner is not None and owner.loses_nothing()
+
+
+def _owner() -> Any:
+    """The object whose method handles Ctrl-C; None if no object does."""
+    return getattr(signal.getsignal(signal.SIGINT), "__self__", None)

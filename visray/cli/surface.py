@@ -1,7 +1,6 @@
 """The command `visray surface`: a picture of a surface f(x, y, z) = 0 without a scene file."""
 
 import re
-import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from visray.cli.showing import Showing
 from visray.cli.view import Host, NoBrowser, Port, check_live, show_live
 from visray.errors import UserError
 from visray.hints import similar
+from visray.leftovers import passing_folder
 from visray.terminal import write_line
 
 # Error of a picture for which nothing else is asked.
@@ -197,5 +197,5 @@ def _scene_file(save: Path | None, stem: str) -> Iterator[Path]:
     if save is not None:
         yield save
         return
-    with tempfile.TemporaryDirectory(prefix="visray-") as folder:
-        yield Path(folder, f"{stem}.json")
+    with passing_folder() as folder:
+        yield folder / f"{stem}.json"

@@ -1,6 +1,7 @@
 """The command `visray view`: a live picture in the browser."""
 
 import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -8,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from visray import leftovers, terminal
+from visray import terminal
+from visray.cli import options
 from visray.cli.options import At, Compat, Integer, Outside, SceneFile, Settings, Setup, Share, app, flag, load_scene
+from visray.cli.stuck import last_signal
 from visray.errors import UserError
 
 if TYPE_CHECKING:
@@ -70,7 +73,8 @@ def show_live(
     command: Sequence[str] = (),
     recipe: "Recipe | None" = None,
 ) -> int:
-    """Shows a live picture until Ctrl-C. Returns the exit code.
+    """Shows a live picture until Ctrl-C. Returns the exit code: 0 after Ctrl-C, that of an interruption after SIGTERM. A thread
+    that compiles may go on.
 
     load: reads or makes the scene
     name: its name in the page
@@ -107,13 +111,9 @@ def show_live(
     except KeyboardInterrupt:
         pass  # as in `wait`
     finally:
-        ended = shown.stop()
-    if not ended:
-        # A thread that compiles cannot be interrupted; nothing of it is to be kept.
-        leftovers.remove_all()
-        sys.stdout.flush()
-        os._exit(0)
-    return 0
+        shown.stop()
+    # SIGTERM is no way to end it that a user would choose.
+    return options.INTERRUPTED if last_signal() == signal.SIGTERM else 0
 
 
 def check_live(host: str, port: int | None) -> None:

@@ -13,6 +13,7 @@ from PIL import Image as Pillow
 
 from visray.arguments import shown
 from visray.errors import UserError
+from visray.leftovers import removed_with_the_process
 from visray.output.png import encode, write_png
 
 # Metadata of a drawn map. By them it is told from a picture of the user, which is never replaced.
@@ -49,6 +50,7 @@ def _folder() -> Path:
     """The folder of this process for maps."""
     folder = tempfile.mkdtemp(prefix="visray-maps-")
     atexit.register(_remove, folder, os.getpid())
+    removed_with_the_process(Path(folder))
     return Path(folder)
 
 

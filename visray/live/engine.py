@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
 
-from visray import clock
+from visray import clock, work_threads
 from visray.live.asking import Asking
 from visray.live.blur import moves, opened
 from visray.live.jobs import Jobs
@@ -48,7 +48,7 @@ class Engine(Asking):
         self._state = State(scene, {})
         self._jobs, self._replays = Jobs(), Replays()
         self._stopped = self._moves_in_tree = False
-        self._thread = threading.Thread(target=self._run, name="visray live", daemon=True)
+        self._thread: threading.Thread | None = None
 
     @property
     def scene(self) -> Scene:
@@ -72,16 +72,22 @@ class Engine(Asking):
 
     def start(self) -> "Engine":
         """Starts the thread."""
-        self._thread.start()
+        self._thread = work_threads.begun(self._run, "visray live", self.ask_to_stop)
         return self
 
-    def stop(self) -> None:
-        """Ends the thread, after its current step. Work that nobody has begun is cancelled."""
+    def ask_to_stop(self) -> None:
+        """Ends the thread soon, after its current step. Work that nobody has begun is cancelled."""
         self._stopped = True
         self._wake.set()
-        if self._thread.is_alive() and threading.current_thread() is not self._thread:
-            self._thread.join(PATIENCE)
         self._jobs.cancel()
+
+    def stop(self, seconds: float = PATIENCE) -> bool:
+        """Ends the thread, and waits for its current step. Returns whether it has ended.
+
+        seconds: how long to wait at most; the thread ends later then, and before Python ends
+        """
+        self.ask_to_stop()
+        return self._thread is None or work_threads.have_ended(seconds, [self._thread])
 
     def __enter__(self) -> "Engine":
         return self.start()

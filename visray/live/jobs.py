@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from typing import Any
 
 
@@ -20,9 +21,10 @@ class Jobs:
 
     def do_one(self) -> bool:
         """Does the oldest piece of work. Returns whether there was one."""
-        if not self._waiting:
+        try:
+            future, work = self._waiting.popleft()
+        except IndexError:
             return False
-        future, work = self._waiting.popleft()
         if future.set_running_or_notify_cancel():
             try:
                 future.set_result(work())
@@ -32,5 +34,7 @@ class Jobs:
 
     def cancel(self) -> None:
         """Cancels all work that nobody has begun."""
-        while self._waiting:
-            self._waiting.popleft()[0].cancel()
+        # Other threads may take some away meanwhile.
+        with suppress(IndexError):
+            while True:
+                self._waiting.popleft()[0].cancel()

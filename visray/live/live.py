@@ -12,6 +12,7 @@ In it, a part
 - has the scene changed: `live.engine.assign({address: value})`, and follows its changes: `live.engine.on_scene`
 - follows clicks: `live.on_pick`, and what ends: `live.on_stop`
 - does work with Dr.Jit: `live.ask(lambda prepared: ..., client)`, not in the thread that renders
+- does long work in a thread of its own: `live.begin(work, "its name", stop)`
 - says errors that stay until they are mended: `live.say_errors("file", lines)`; () when all is well again
 - follows errors that a single browser has: `live.on_fail`
 - says a sentence in passing: `live.tell("heart.json: written")`
@@ -24,12 +25,13 @@ the thread that renders, and must return soon. Texts from files become HTML by `
 import html
 import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
 from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from visray import terminal
+from visray import terminal, work_threads
 from visray.errors import UserError
 from visray.live.engine import Engine
 
@@ -76,6 +78,7 @@ class Live:
     clients: all browsers, by number
     errors: what is wrong, by who says so
     ended: is set when the live picture ends
+    threads: threads of the parts
     parts: all parts
     """
 
@@ -90,6 +93,7 @@ class Live:
     clients: dict[int, "Client"] = field(default_factory=dict)
     errors: dict[str, tuple[str, ...]] = field(default_factory=dict)
     ended: threading.Event = field(default_factory=threading.Event)
+    threads: list[threading.Thread] = field(default_factory=list)
     parts: list[Any] = field(default_factory=list)
     _client_listeners: list[Callable] = field(default_factory=list)
     _leave_listeners: list[Callable] = field(default_factory=list)
@@ -141,7 +145,16 @@ class Live:
             except TimeoutError:
                 if future.done():
                     raise
+            except CancelledError:
+                break
         raise UserError("the live picture has ended")
+
+    def begin(self, work: Callable[[], None], name: str, stop: Callable[[], None]) -> None:
+        """Begins a thread that may take long, or work with Dr.Jit. It has ended before Python ends.
+
+        stop: asks it to stop soon, and returns at once
+        """
+        self.threads = [t for t in self.threads if t.is_alive()] + [work_threads.begun(work, name, stop)]
 
     def came(self, client: "Client") -> None:
         """A browser has come."""

@@ -1,11 +1,11 @@
 """The legend of a scene over its live picture."""
 
-import threading
 from functools import cache
 from importlib import import_module
 
 import numpy as np
 
+from visray import work_threads
 from visray.legend.layer import drawn_legend
 from visray.output.curves import curve, linear
 from visray.scene.scene import Scene
@@ -14,7 +14,7 @@ from visray.scene.scene import Scene
 @cache
 def preload() -> None:
     """Begins to load what draws legends, in another thread: it takes most of a second."""
-    threading.Thread(target=import_module, args=("matplotlib.figure",), daemon=True).start()
+    work_threads.begun(lambda: import_module("matplotlib.figure"), "visray legend")
 
 
 class LegendOver:

@@ -1,9 +1,7 @@
 """A picture at full quality, as a file. It is made in the thread that asks for it, while the live picture goes on."""
 
-import tempfile
-from pathlib import Path
-
 from visray.adaptive.error_floor import Files
+from visray.leftovers import passing_folder
 from visray.live.reproducing import Seen, Wish
 from visray.output.image import Image
 from visray.output.layers import layers_of_files
@@ -18,8 +16,8 @@ def picture_file(seen: Seen, wish: Wish, suffix: str, follower: Follower) -> tup
     suffix: .png or .exr
     """
     scene, at = seen.to_render()
-    with tempfile.TemporaryDirectory() as folder, follower.following():
-        path = Path(folder, f"picture{suffix}")
+    with passing_folder() as folder, follower.following():
+        path = folder / f"picture{suffix}"
         layers, files = layers_of_files((suffix,)), Files((path,))
         image = render(scene, at=at, layers=layers, progress=False, files=files, **wish.arguments())
         if follower.stopped:

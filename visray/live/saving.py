@@ -2,6 +2,7 @@
 
 import re
 import threading
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -106,9 +107,8 @@ class SavingPart:
             if self.follower is not None:
                 raise UserError("a picture is being made already; wait for it, or cancel it")
             follower = self.follower = Follower(self._report)
-        threading.Thread(
-            target=self.live.safely(self._made), args=(event, client, seen, wish, suffix, follower), daemon=True
-        ).start()
+        made = partial(self.live.safely(self._made), event, client, seen, wish, suffix, follower)
+        self.live.begin(made, "visray picture", partial(setattr, follower, "stopped", True))
 
     def _made(self, event: Any, client: Client, seen: Seen, wish: Wish, suffix: str, follower: Follower) -> None:
         """Makes a picture, in a thread of its own."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from visray import terminal
+from visray import clock, terminal, work_threads
 from visray.errors import UserError
 from visray.live import guard, parts
 from visray.live.client import Client, camera_of_scene
@@ -83,19 +83,38 @@ def serve(
 
 def stop(live: Live) -> bool:
     """Ends a live picture. Returns whether all of it has ended: a thread that compiles may go on for a while."""
+    latest = clock.now() + PATIENCE
+    _begin_to_stop(live)
+    thread = threading.Thread(target=_stop_server, args=(live,), daemon=True)
+    thread.start()
+    thread.join(PATIENCE)
+    return not thread.is_alive() and has_ended(live, latest - clock.now())
+
+
+def stop_at_the_end(live: Live) -> None:
+    """Ends the server of a live picture when Python ends, and begins no thread any more. Waits for no other thread."""
+    _begin_to_stop(live)
+    _stop_server(live)
+
+
+def has_ended(live: Live, seconds: float = 0.0) -> bool:
+    """Whether all threads of a live picture have ended, after some seconds at most. Domain: it is stopped."""
+    return live.engine.stop(seconds) and work_threads.have_ended(seconds, live.threads)
+
+
+def _begin_to_stop(live: Live) -> None:
+    """Asks all threads to stop."""
+    live.ended.set()
+    live.engine.ask_to_stop()
     live.stopped()
     for client in list(live.clients.values()):
         client.sender.close()
 
-    def end() -> None:
-        with silent_rich():
-            live.server.stop()
-        live.engine.stop()
 
-    thread = threading.Thread(target=end, daemon=True)
-    thread.start()
-    thread.join(PATIENCE)
-    return not thread.is_alive()
+def _stop_server(live: Live) -> None:
+    """Ends the server. viser would print a line about it."""
+    with silent_rich():
+        live.server.stop()
 
 
 def _dress(server: Any, name: str) -> None:

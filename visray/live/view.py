@@ -26,20 +26,26 @@ class LiveView:
 
     def __init__(self, live: Any, url: str):
         self.live, self.url = live, url
-        # viser's own end prints a line.
-        atexit.register(self.stop)
-        self._ended, self._has_ended, self._stopping = threading.Event(), False, threading.Lock()
+        self._ended, self._stopping = threading.Event(), threading.Lock()
+        atexit.register(self._end)
 
     def stop(self) -> bool:
         """Ends it. Returns whether all of it has ended; else a thread that compiles goes on for a while."""
-        from visray.live.server import stop
+        from visray.live import server
 
         with self._stopping:
-            if not self._ended.is_set():
-                self._ended.set()
-                atexit.unregister(self.stop)
-                self._has_ended = stop(self.live)
-        return self._has_ended
+            if self._ended.is_set():
+                return server.has_ended(self.live)
+            self._ended.set()
+            atexit.unregister(self._end)
+            return server.stop(self.live)
+
+    def _end(self) -> None:
+        """Ends it with the program."""
+        from visray.live.server import stop_at_the_end
+
+        self._ended.set()
+        stop_at_the_end(self.live)
 
     def wait(self) -> None:
         """Waits until it is stopped, or until Ctrl-C, which ends it."""

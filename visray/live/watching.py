@@ -1,6 +1,5 @@
 """The part of the page of a live picture that follows the scene's file."""
 
-import threading
 from pathlib import Path
 
 from visray.errors import UserError
@@ -29,8 +28,7 @@ class WatchingPart:
         live.engine.on_scene(self.changed)
         others = _setup_files(live.command)
         self.watch = FileWatch(live.file, live.load, live.engine.scene, others, self.told)
-        self.thread = threading.Thread(target=self._run, name="visray file", daemon=True)
-        self.thread.start()
+        live.begin(self._run, "visray file", live.ended.set)
 
     def _run(self) -> None:
         """Looks at the files until the live picture ends."""

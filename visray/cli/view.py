@@ -73,8 +73,8 @@ def show_live(
     command: Sequence[str] = (),
     recipe: "Recipe | None" = None,
 ) -> int:
-    """Shows a live picture until Ctrl-C. Returns the exit code: 0 after Ctrl-C, that of an interruption after SIGTERM. A thread
-    that compiles may go on.
+    """Shows a live picture until Ctrl-C. Returns the exit code: 0 after Ctrl-C, options.INTERRUPTED after SIGTERM.
+    A thread that compiles may go on.
 
     load: reads or makes the scene
     name: its name in the page

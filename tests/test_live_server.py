@@ -443,6 +443,20 @@ def test_a_port_that_is_taken_by_it(shown):
     assert guard.is_free("127.0.0.1", int(other.url.rpartition(":")[2]))
 
 
+def test_another_program_takes_the_port_in_between(monkeypatch):
+    choose, taken = guard.chosen_port, []
+
+    def chosen(host, port):
+        found = choose(host, port)
+        if not taken:
+            taken.append(socket.create_server((host, found)))
+        return found
+
+    monkeypatch.setattr(guard, "chosen_port", chosen)
+    with vr.view(BALL) as shown, taken[0] as other:
+        assert shown.url != guard.url_of(*other.getsockname())
+
+
 @pytest.mark.slow
 def test_the_command_prints_its_address_and_ends_well(tmp_path):
     path = tmp_path / "ball.json"

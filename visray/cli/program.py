@@ -24,7 +24,7 @@ from visray.errors import UserError
 # Exit codes. A command itself returns 0 (done), 1 (a check failed) or INTERRUPTED.
 BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, TERMINATED = 2, 70, 130, 143
 # Seconds that threads of visray have to end after the command.
-PATIENCE = 0.3
+PATIENCE = 0.1
 # Signals that ask the program to stop: Ctrl-C, and what systems send before they end a process.
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # If this environment variable is set, an internal error shows its traceback too.

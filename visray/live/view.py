@@ -16,6 +16,8 @@ from visray.scene.scene import Scene
 
 # Height of the picture in a notebook, in pixels.
 NOTEBOOK_HEIGHT = 560
+# Number of ports that are tried if other programs take each of them in that moment.
+TRIES = 5
 
 
 class LiveView:
@@ -116,5 +118,13 @@ def started(scene: Scene, *, host: str, port: int | None, error: float, **more: 
     guard.check_installed()
     from visray.live.server import serve
 
-    port = guard.chosen_port(host, port)
-    return LiveView(serve(scene, host=host, port=port, target=error, **more), guard.url_of(host, port))
+    for left in reversed(range(TRIES)):
+        chosen = guard.chosen_port(host, port)
+        try:
+            live = serve(scene, host=host, port=chosen, target=error, **more)
+            break
+        except UserError:
+            # Another program may take the port in between.
+            if port is not None or not left or guard.is_free(host, chosen):
+                raise
+    return LiveView(live, guard.url_of(host, chosen))

@@ -11,7 +11,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from visray.errors import UserError
@@ -181,6 +181,13 @@ def say(text: str) -> None:
 def note(message: Warning | str, *_: object, **__: object) -> None:
     """Writes a warning as one line to standard error. It can replace warnings.showwarning."""
     say(f"note: {message}")
+
+
+def flush() -> None:
+    """Writes out what Python still keeps of the standard streams, if that is possible."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(Exception):
+            stream.flush()
 
 
 def restore() -> None:

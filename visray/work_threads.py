@@ -7,7 +7,6 @@ compilation takes a while, but ends.
 """
 
 import atexit
-import sys
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -95,7 +94,5 @@ def _end() -> None:
             while not have_ended(PIECE):
                 pass
     except KeyboardInterrupt:
-        for stream in (sys.stdout, sys.stderr):
-            with suppress(Exception):
-                stream.flush()
+        terminal.flush()
         leftovers.leave(INTERRUPTED)

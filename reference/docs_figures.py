@@ -612,6 +612,45 @@ def cluster_jobs() -> list[str]:
     return [*table(["scene", "files", "frame, s", "scheduler, s", "client, s", *workers, "limit, workers"], rows), text]
 
 
+def live() -> list[str]:
+    """Lines with how fast the live picture follows, and jsurf beside it."""
+    report = loaded("bench_live")
+    names = {
+        "heart": "`heart.json`: a surface of degree 6, mirrors, soft shadows, occlusion, a lens",
+        "showcase": "`showcase.json`: ten objects, two lights",
+        "bowl": "`bowl.json`: 10,000 balls",
+        "ring": "a mesh of 100,000 triangles, soft shadows",
+        "data-globe": "`data-globe.json`: a table on a globe",
+    }
+    rows = []
+    for name, case in report["scenes"].items():
+        followed = (f"{case[key]['frames_per_second']:.0f} ({case[key]['grain']:.0f})" for key in ("orbit", "slider"))
+        rests = ("more than 40" if s is None else f"{s:.1f}" for s in case["rest"].values())
+        rows.append([names[name], *followed, f"{1000 * case['slider']['seconds']:.0f}", *rests])
+    errors = [f"s to {percent} %" for percent in next(iter(report["scenes"].values()))["rest"]]
+    heads = ["scene", "camera turns: pictures/s (grain)", "slider moves", "slider to picture, ms", *errors]
+    lines = [
+        *prose(
+            "512 x 512 pixels, without the browser. The grain is the side in pixels of the squares that a picture "
+            "consists of while something moves; 1 is every pixel. The last columns are seconds from the last move until "
+            "the error is so small."
+        ),
+        *table(heads, rows),
+    ]
+    if report["jsurf"]:
+        pairs = report["jsurf"].items()
+        rows = [[name, *(f"{c[k]['frames_per_second']:.1f}" for k in ("jsurf", "plain"))] for name, c in pairs]
+        rows = [[*row, f"{float(row[2]) / float(row[1]):.1f}"] for row in rows]
+        lines += [
+            *prose(
+                "Beside jsurf, the core of SURFER: both redraw the same surface with one ray for each pixel, one light "
+                "and no shadows, by turns, on all cores. Pictures per second:"
+            ),
+            *table(["surface", "jsurf", "visray", "ratio"], rows),
+        ]
+    return [*lines, *prose(measured(report["machine"], "bench_live"))]
+
+
 FIGURES = {
     "cluster_costs": cluster_costs,
     "cluster_jobs": cluster_jobs,
@@ -636,6 +675,7 @@ FIGURES = {
     "degree": degree,
     "stability": stability,
     "mesh_stability": mesh_stability,
+    "live": live,
 }
 
 

@@ -632,8 +632,8 @@ def live() -> list[str]:
     lines = [
         *prose(
             "512 x 512 pixels, without the browser. The grain is the side in pixels of the squares that a picture "
-            "consists of while something moves; 1 is every pixel. The last columns are seconds from the last move until "
-            "the error is so small."
+            "consists of while something moves; 1 is every pixel. The last columns are seconds from the last move to "
+            "an error so small."
         ),
         *table(heads, rows),
     ]

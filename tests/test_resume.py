@@ -83,7 +83,7 @@ def test_crashes_lose_no_bit(
 class AfterSome(Interrupts):
     """Ctrl-C, when it is asked about for the nth time."""
 
-    left = np.inf
+    left, was = np.inf, False
 
     @property
     def requested(self) -> bool:

@@ -1,6 +1,8 @@
 """The plain map that is drawn where the user gives none: land is where it is on earth, lines where they belong."""
 
+import shutil
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from visray.data.base import GlobeBase, MapBase, PlaneBase
 from visray.data.basemap import COARSE, LINES, Colours, drawn, graticule_step, has_land
 from visray.data.land import UNIT, Ring, decode, encode, land
+from visray.data_picture.drawn_map import passing_map
 
 WIDTH = 900
 PLACES = {
@@ -112,3 +115,10 @@ def test_a_small_map_has_no_coasts() -> None:
     )
     colours = {tuple(c) for c in drawn(MapBase(extent=(-5.0, -3.0, 49.0, 51.0)), 300).reshape(-1, 3).tolist()}
     assert Colours().sea not in colours and Colours().coast not in colours
+
+
+def test_a_removed_folder_of_maps_is_made_again():
+    pixels = np.zeros((2, 3, 3), np.uint8)
+    first = Path(passing_map(pixels))
+    shutil.rmtree(first.parent)
+    assert Path(passing_map(pixels)).exists()

@@ -39,6 +39,9 @@ def write_own_map(pixels: np.ndarray, path: str) -> None:
 def passing_map(pixels: np.ndarray) -> str:
     """Writes a drawn map to a folder that is removed when Python ends. Returns the path of the file; equal maps have
     one file. Shape: pixels uint8 (H, W, 3)."""
+    if not _folder().exists():
+        # Something has removed it, as systems do with old temporary files.
+        _folder.cache_clear()
     path = Path(_folder(), f"map-{sha256(str(pixels.shape).encode() + pixels.tobytes()).hexdigest()[:16]}.png")
     if not path.exists():
         write_map(pixels, str(path))

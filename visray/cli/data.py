@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from visray import clock
 from visray.cli.describing import describe_table
 from visray.cli.options import Integer, Json, Share, Threads, app, flag, parse_list, parse_size
-from visray.cli.picture_options import Preview, Show
+from visray.cli.picture_options import Preview, Quiet, Show, Time
 from visray.cli.showing import Showing
 from visray.errors import UserError
 from visray.leftovers import passing_folder
@@ -114,11 +114,11 @@ def data_command(
     error: Annotated[
         Share | None, Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the luminance.")
     ] = None,
-    time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
+    time: Time = None,
     threads: Threads = None,
     show: Show = False,
     preview: Preview = False,
-    quiet: flag("Print nothing, and show no progress.") = False,
+    quiet: Quiet = False,
     json: Json = False,
 ) -> int:
     """Show a table with longitudes and latitudes as a picture: bars, spheres or lines on a map or a globe.

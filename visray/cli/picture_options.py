@@ -17,6 +17,7 @@ Error = Annotated[
     Share | None,
     Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the mean luminance."),
 ]
+Time = Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")]
 Size = Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels, such as 640x480.")]
 Precision = Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")]
 Seed = Annotated[Integer | None, Parameter(help="Seed of the random numbers. Another gives other noise.")]

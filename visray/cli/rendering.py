@@ -50,6 +50,7 @@ from visray.cli.picture_options import (
     Seed,
     Show,
     Size,
+    Time,
     needed_layers,
     parse_gamma,
 )
@@ -133,7 +134,7 @@ def render_command(
     output: Outputs = [],  # noqa: B006 - only read
     spp: Samples = None,
     error: Error = None,
-    time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
+    time: Time = None,
     at: At = None,
     frame: Annotated[
         Integer | None, Parameter(help="The moment as the number of a frame. In -o shot.####.exr, it replaces ####.")

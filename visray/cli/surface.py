@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from visray import clock
 from visray.cli.options import Integer, Json, Settings, Share, Threads, app, flag, parse_size
-from visray.cli.picture_options import Preview, Show
+from visray.cli.picture_options import Preview, Quiet, Show, Time
 from visray.cli.showing import Showing
 from visray.cli.view import Host, NoBrowser, Port, check_live, show_live
 from visray.errors import UserError
@@ -72,7 +72,7 @@ def surface_command(
         Share | None,
         Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the luminance. Default: 1%."),
     ] = None,
-    time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
+    time: Time = None,
     threads: Threads = None,
     view: flag("Show it live in the browser, to be turned and changed. Ctrl-C ends it.") = False,
     host: Host = "127.0.0.1",
@@ -80,7 +80,7 @@ def surface_command(
     no_browser: NoBrowser = False,
     show: Show = False,
     preview: Preview = False,
-    quiet: flag("Print nothing, and show no progress.") = False,
+    quiet: Quiet = False,
     json: Json = False,
 ) -> int:
     """Show the surface of a formula as a picture: clip, camera, lights and colours are fitted to it.

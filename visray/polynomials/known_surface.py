@@ -14,7 +14,7 @@ class View:
     direction: from the middle of the clip towards the camera. Its length does not matter.
     up: the direction that is upwards in the picture.
     clip: radius of the clip of the picture; None: that of the known surface.
-    zoom: how much larger the surface is in the picture than if the whole clip just fitted, > 0.
+    zoom: how much larger the surface is in the picture than if it just fitted, > 0.
     """
 
     direction: tuple[float, float, float]

@@ -12,7 +12,9 @@ clock errors warn memory identity_cache named_files drjit_import terminal hints 
 work_threads
 scene.garbage scene.source
 llvm
-quantities pytree output.curves operands
+output.curves
+colors
+quantities pytree operands
 ray geometry transforms
 accel.sah accel.morton accel.hierarchy accel.blocks accel.bvh accel.row_tests accel.tree_rays accel.walk_stack
 accel.bvh_step accel.bvh_walk

@@ -413,7 +413,7 @@ def test_one_wrong_step(tmp_path: Path, step: object, what: str) -> None:
     assert wrong(tmp_path, transform=[{"translate": [0, 0, 0]}, step]) == [f"objects.ball.transform.1{what}"]
 
 
-COLOUR = "3 numbers (linear Rec. 709, each >= 0)"
+COLOUR = 'a colour: a name such as "tomato", "#rrggbb", a number, or 3 numbers (linear Rec. 709, each >= 0)'
 
 
 @pytest.mark.parametrize(
@@ -421,7 +421,7 @@ COLOUR = "3 numbers (linear Rec. 709, each >= 0)"
     [
         ([1, 2], [f"background = [1, 2]: must be {COLOUR}"]),
         ([1, 2, -1], ["background.2 = -1: must be at least 0"]),
-        (3, [f"background = 3: must be an object {{...}} with the keys top, bottom or {COLOUR}"]),
+        (True, [f"background = true: must be an object {{...}} with the keys top, bottom or {COLOUR}"]),
         ({"top": [1, 1, 1]}, [f"background: the key 'bottom' is missing; it is {COLOUR}"]),
         (
             {"top": [1, 1, 1], "botom": [1, 1, 1]},
@@ -561,7 +561,8 @@ def test_one_wrong_light(tmp_path: Path, fields: object, what: str) -> None:
         ({"dmax": float("inf")}, ".dmax = Infinity: must be finite"),
         ({"kt": [0, 0, 1.5]}, ".kt.2 = 1.5: must be at most 1"),
         ({"kr": [-0.5, 0, 0]}, ".kr.0 = -0.5: must be at least 0"),
-        ({"kt": 0.5}, ".kt = 0.5: must be 3 numbers (linear Rec. 709, each from 0 to 1)"),
+        ({"kt": 1.5}, ".kt = 1.5: must be at most 1"),
+        ({"kt": [0.5]}, f".kt = [0.5]: must be {COLOUR.replace('each >= 0', 'each from 0 to 1')}"),
         ({"kr": [0, NAN, 0]}, ".kr.1 = NaN: must be finite"),
         ({"Kd": [1, 1, 1]}, f".Kd: unknown key; did you mean 'kd'? (one of {MATERIAL})"),
         ({"IOR": 1}, f".IOR: unknown key; did you mean 'ior'? (one of {MATERIAL})"),

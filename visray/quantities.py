@@ -12,12 +12,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache
 from importlib import import_module
+from math import isfinite
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
 import drjit as dr
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import core_schema
+
+from visray.colors import hexadecimal, is_number, looks_like_bytes, spelled
 
 
 class Quantity(NamedTuple):
@@ -54,6 +58,37 @@ def _not_tiny(x: float) -> float:
     return x
 
 
+class ColorMark:
+    """Mark of a field that holds a colour: it may be spelled as text or as one number, which is grey.
+
+    most: the largest number
+    """
+
+    def __init__(self, most: float):
+        self.most = most
+
+    def spelled(self, color: Any) -> Any:
+        """The colour as three numbers. Raises ValueError if it is a text or a single number that is no colour."""
+        if isinstance(color, (int, float)) and not isinstance(color, bool):
+            if not isfinite(color):
+                raise ValueError("must be finite")
+            if not 0 <= color <= self.most:
+                raise ValueError("must be at least 0" if color < 0 else f"must be at most {self.most:g}")
+        color = spelled(color)
+        is_triple = isinstance(color, (tuple, list)) and len(color) == 3 and all(map(is_number, color))
+        if is_triple and self.most == 1 and looks_like_bytes(color):
+            raise ValueError(
+                f'must be three numbers from 0 to 1; a colour of a screen is written "{hexadecimal(color)}"'
+            )
+        return color
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self.spelled, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict:
+        return {"anyOf": [handler(schema), {"type": "string"}, {"type": "number", "minimum": 0, "maximum": self.most}]}
+
+
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Coordinate = Annotated[Real, Field(ge=-FARTHEST, le=FARTHEST)]
 Triple = tuple[Coordinate, Coordinate, Coordinate]
@@ -70,9 +105,13 @@ Lengths = Annotated[tuple[_Positive, _Positive, _Positive], Quantity(3, "geometr
 LengthOrZero = Annotated[Real, Field(ge=0, le=FARTHEST), Quantity(1, "geometry", "world units, >= 0")]
 # Below a hundredth of a degree, neighbouring pixels have the same direction in single precision.
 Angle = Annotated[Real, Field(ge=0.01, lt=180), Quantity(1, "geometry", "degrees, from 0.01 to below 180")]
-Color = Annotated[tuple[_NotNegative, _NotNegative, _NotNegative], Quantity(3, "shading", "linear Rec. 709, each >= 0")]
+Color = Annotated[
+    tuple[_NotNegative, _NotNegative, _NotNegative],
+    ColorMark(BRIGHTEST),
+    Quantity(3, "shading", "linear Rec. 709, each >= 0"),
+]
 _Part = Annotated[Real, Field(ge=0, le=1)]
-Share = Annotated[tuple[_Part, _Part, _Part], Quantity(3, "shading", "linear Rec. 709, each from 0 to 1")]
+Share = Annotated[tuple[_Part, _Part, _Part], ColorMark(1), Quantity(3, "shading", "linear Rec. 709, each from 0 to 1")]
 Factor = Annotated[_NotNegative, Quantity(1, "shading", ">= 0")]
 # A dot separates the parts of an address (`objects.ball.radius`), so a name has none.
 Name = Annotated[str, Field(strict=True, pattern=r"^[^.\s]([^.]*[^.\s])?$")]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from visray.colors import is_number
 from visray.quantities import Real
 
 ColorValue = str | tuple[Real, Real, Real]
@@ -45,11 +46,6 @@ def color_flaw(color: Any) -> str | None:
 def is_hex(text: str) -> bool:
     """Whether a text is a colour such as "#ff6347" or "#f64"."""
     return _HEX.fullmatch(text) is not None
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value is a real number: no text, and neither true nor false."""
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
 def is_triple(value: Any) -> bool:

@@ -14,7 +14,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator
 
-from visray.data.color_value import ColorValue, color_flaw, color_numbers, is_number, is_triple
+from visray.colors import is_number
+from visray.data.color_value import ColorValue, color_flaw, color_numbers, is_triple
 from visray.data.palette_note import has_middle, palette_note
 from visray.output.curves import curve, linear, linear_slope
 from visray.quantities import Real

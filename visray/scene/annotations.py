@@ -11,10 +11,11 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import Tag
 from typing_extensions import TypeAliasType
 
+from visray.colors import TEXTS as COLOR_TEXTS
 from visray.data.number_column import NumberColumn
 from visray.data.time_column import TimeColumn
 from visray.operands import OperandsRule
-from visray.quantities import Quantity
+from visray.quantities import ColorMark, Quantity
 from visray.transforms import STEPS
 
 
@@ -26,6 +27,11 @@ def bare(annotation: Any) -> Any:
         return annotation
     rule = _operands_rule(annotation)
     return bare(get_args(annotation)[0] if rule is None else rule.type())
+
+
+def _is_color(annotation: Any) -> bool:
+    """Whether a type is that of a colour, which may be spelled as text."""
+    return any(isinstance(m, ColorMark) for m in getattr(annotation, "__metadata__", ()))
 
 
 def _operands_rule(annotation: Any) -> OperandsRule | None:
@@ -89,7 +95,8 @@ def describe(annotation: Any) -> str:
     """Words for what a file must contain for a value of a type, such as `3 numbers (world units)`."""
     marks = [m for m in getattr(annotation, "__metadata__", ()) if isinstance(m, Quantity)]
     if marks:
-        return f"{'a number' if marks[0].size == 1 else f'{marks[0].size} numbers'} ({marks[0].unit})"
+        numbers = f"{'a number' if marks[0].size == 1 else f'{marks[0].size} numbers'} ({marks[0].unit})"
+        return f"a colour: {COLOR_TEXTS}, a number, or {numbers}" if _is_color(annotation) else numbers
     if _operands_rule(annotation) is not None:
         return "a list of objects, or objects by name"
     annotation = bare(annotation)

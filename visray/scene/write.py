@@ -4,6 +4,7 @@ import json
 import os
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from inspect import cleandoc, get_annotations
 from pathlib import Path
@@ -15,6 +16,7 @@ from visray.animation import kinds as tracks
 from visray.animation.animation import Animation
 from visray.animation.ellipse import Ellipse
 from visray.arguments import checked_arguments
+from visray.colors import spelled
 from visray.data import base as bases
 from visray.data.color_rule import ColorRule
 from visray.data.data_scene import Data
@@ -188,7 +190,16 @@ def _json_tree(value: Any, like: Any = None, ordered: bool = False) -> Any:
         if any(isinstance(part, dict) for part in tree):
             return tree
     # An equal value keeps its spelling: a file's 2 is not written as 2.0.
-    return like if tree == like else tree
+    return like if tree == like or _spells(like, value) else tree
+
+
+def _spells(like: Any, value: Any) -> bool:
+    """Whether a file's text or number spells a colour."""
+    if not isinstance(value, tuple) or len(value) != 3 or not isinstance(like, (str, int, float)):
+        return False
+    with suppress(ValueError):
+        return spelled(like) == value
+    return False
 
 
 def _default(f: Field) -> Any:

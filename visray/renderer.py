@@ -225,10 +225,10 @@ def prepare(scene: Scene | str | Path, backend: str = "llvm", allow_outside: boo
     """Prepares a scene, or the scene in a file, to be rendered many times. It is validated and turned into the arrays
     of a kernel only once.
 
-    prepared = vr.prepare(scene)
-    for x in (0.0, 0.1, 0.2):
-        prepared = prepared.updated({"objects.ball.center.0": x})
-        image = vr.render(prepared)
+        prepared = vr.prepare(scene)
+        for x in (0.0, 0.1, 0.2):
+            prepared = prepared.updated({"objects.ball.center.0": x})
+            image = vr.render(prepared)
 
     `updated` computes again only what changes.
     allow_outside: whether a scene file may name files outside of its folder.

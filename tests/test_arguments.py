@@ -26,7 +26,7 @@ ODD = [
 GOOD = {
     "scene": BALL, "path": str(SCENES / "sphere.json"), "address": "objects.a.radius", "new": 2.0, "error": 0.01,
     "t": 0.0, "images": [IMAGE], "formula": "x^2 + y^2 + z^2 - 1",
-    "wrt": ["objects.a.radius"], "x": 0, "y": 0, "points": (0.0, 0.0, 0.0),
+    "wrt": ["objects.a.radius"], "addresses": ["objects.a.radius"], "x": 0, "y": 0, "points": (0.0, 0.0, 0.0),
     "table": {"lon": [2.0, 3.0], "lat": [41.0, 42.0], "rain": [1.0, 2.0]},
 }  # fmt: skip
 FUNCTIONS = [getattr(vr, name) for name in vr.__all__ if inspect.isfunction(getattr(vr, name))]

@@ -13,6 +13,8 @@ from PIL import Image as Pillow
 import visray as vr
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"))
+# Libraries that an example may need and that visray does not.
+LIBRARIES = ("torch", "jax")
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf"
 
 
@@ -53,6 +55,23 @@ def fit_glass(text: str) -> None:
     steps = [numbers(line) for line in text.splitlines()]
     assert [step[0] for step in steps] == [1, 2, 3, 4, 5, 6]
     assert steps[-1][1] == 1.5 and steps[-1][2] < 1e-3 * steps[0][2]
+
+
+def fit_with_torch(text: str) -> None:
+    """Losses fall, and what is fitted is what the picture was made with, as printed."""
+    *steps, last = text.splitlines()
+    losses = [numbers(line)[1] for line in steps]
+    assert losses == sorted(losses, reverse=True) and losses[-1] < 1e-4 * losses[0]
+    fitted, secret = (numbers(part) for part in last.removeprefix("found ").split("made with"))
+    assert len(fitted) == 6 and np.abs(np.subtract(fitted, secret)).max() <= 0.011
+
+
+def fit_with_jax(text: str) -> None:
+    """Losses fall to the square of a rounding in single, and the index is that of the picture."""
+    steps = [numbers(line) for line in text.splitlines()]
+    losses = [step[2] for step in steps]
+    assert losses == sorted(losses, reverse=True) and losses[-1] < 1e-12
+    assert steps[-1][:2] == [7, 1.45]
 
 
 def hello(text: str) -> None:
@@ -145,8 +164,8 @@ def what_is_simulated(text: str) -> None:
 
 
 JUDGES = (
-    csg_in_python, data_on_a_globe, fit_colour, fit_glass, hello, layers, mesh_from_numpy, moving_light, noise,
-    penumbra, slices, to_an_error, what_is_simulated,
+    csg_in_python, data_on_a_globe, fit_colour, fit_glass, fit_with_jax, fit_with_torch, hello, layers,
+    mesh_from_numpy, moving_light, noise, penumbra, slices, to_an_error, what_is_simulated,
 )  # fmt: skip
 JUDGES = {judge.__name__: judge for judge in JUDGES}
 
@@ -157,6 +176,8 @@ def test_every_example_is_judged():
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
 def test_example(path, tmp_path, monkeypatch, capsys):
+    for library in set(LIBRARIES) & set(re.findall(r"^import (\w+)", path.read_text(), re.MULTILINE)):
+        pytest.importorskip(library)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [path.name])
     runpy.run_path(str(path), run_name="__main__")

@@ -108,6 +108,7 @@ certificate provenance made_layers picture_layers sampled_layers animation_repor
 frame_maker animating
 edges
 gradients
+traced_picture torch_picture jax_picture picture_function
 study
 surface_picture.jet surface_picture.field surface_picture.points surface_picture.whereabouts
 surface_picture.viewing surface_picture.look surface_picture.names surface_picture.like surface_picture.reading

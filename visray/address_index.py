@@ -52,12 +52,17 @@ class Slot:
         entry = sum(np.array(v, float)[..., list(rows)].sum(-1) for v, rows in zip(values, self.rows))
         return float(entry) if entry.ndim == 0 else entry if self.component is None else float(entry[self.component])
 
-    def one_hot(self) -> list[np.ndarray]:
-        """NumPy arrays with the shapes of `self.arrays` that are 1 at this place and 0 elsewhere, as a list."""
-        hot = [np.zeros(np.array(v).shape) for v in self.arrays]
-        for h, rows in zip(hot, self.rows):
-            h[(Ellipsis, list(rows)) if self.component is None else (self.component, list(rows))] = 1
-        return hot
+    def spread(self, value: np.ndarray) -> list[np.ndarray]:
+        """NumPy arrays with the shapes of `self.arrays` that are `value` at this place and 0 elsewhere, as a list.
+
+        value: a number, or a triple for each component. Shapes: () or (3)
+        """
+        full = [np.zeros(np.array(v).shape) for v in self.arrays]
+        for x, rows in zip(full, self.rows):
+            x[(Ellipsis, list(rows)) if self.component is None else (self.component, list(rows))] = (
+                value[:, None] if value.ndim else value
+            )
+        return full
 
 
 @dataclass(frozen=True)
@@ -78,13 +83,13 @@ class TableSlot:
         tables = [np.array(v, float)[:, i : i + self.count] for v, starts in zip(values, self.starts) for i in starts]
         return sum(tables).T
 
-    def one_hot(self) -> list[np.ndarray]:
-        """As Slot.one_hot."""
-        hot = [np.zeros(np.array(v).shape) for v in self.arrays]
-        for h, starts in zip(hot, self.starts):
+    def spread(self, value: np.ndarray) -> list[np.ndarray]:
+        """As Slot.spread. value: a number, or a table of shape (count, 3)."""
+        full = [np.zeros(np.array(v).shape) for v in self.arrays]
+        for x, starts in zip(full, self.starts):
             for i in starts:
-                h[:, i : i + self.count] = 1
-        return hot
+                x[:, i : i + self.count] = value.T
+        return full
 
 
 class AddressIndex:

@@ -9,7 +9,7 @@ patch, but not what a moving silhouette or shadow edge adds. `gradient` and `der
 (edges.py).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf, prod
 from typing import Any
 
@@ -37,7 +37,7 @@ from visray.setup import prepare
 from visray.wavefront import Waves
 
 
-class _Derivatives:
+class Derivatives:
     """A scene whose picture is differentiated.
 
     prepared: the scene
@@ -45,11 +45,13 @@ class _Derivatives:
     parameters: arrays of these places, as the sources of all derivatives: for each address, one or more
     """
 
-    def __init__(self, scene: Scene, wrt: Sequence[str], backend: str, forward: bool):
+    def __init__(
+        self, scene: Scene, wrt: Sequence[str], backend: str, tangents: Mapping[str, np.ndarray] | None = None
+    ):
         """Raises UserError if a derivative does not exist, and warns if moving edges are in view.
 
         wrt: addresses of the numbers with respect to which derivatives are taken
-        forward: whether the numbers get tangents: they grow by 1
+        tangents: for forward mode, how much the numbers at each address grow, as for Slot.spread; None: reverse mode
         """
         self.slots: dict[str, Slot | TableSlot] = {}
         self.parameters: dict[str, list] = {}
@@ -60,12 +62,12 @@ class _Derivatives:
             for w, slot in self.slots.items():
                 dr.enable_grad(*slot.arrays)
                 self.parameters[w] = [type(v)(v) for v in slot.arrays]
-                for array, hot in zip(slot.arrays, slot.one_hot() if forward else ()):
-                    dr.set_grad(array, type(dr.detach(array))(hot))
+                for array, growth in zip(slot.arrays, slot.spread(tangents[w]) if tangents else ()):
+                    dr.set_grad(array, type(dr.detach(array))(growth))
 
         self.prepared = prepare(scene, backend, wrt=tuple(wrt), attach=attach)
         _check_coloured_shadows(scene, self.prepared.kernel, wrt)
-        self.forward = forward
+        self.forward = tangents is not None
         warn_of_edges(scene, self.prepared.kernel, wrt, self.prepared.x, self.prepared.y)
 
     def traced(self, interrupts: Interrupts, bar: Bar) -> Sweeps | SampleLoop:
@@ -125,7 +127,7 @@ def gradient(
     scene = still_at(adjusted(scene, precision=precision, spp=spp), None)
     wrt = [wrt] if isinstance(wrt, str) else list(wrt)
     with Interrupts() as interrupts, Bar("differentiating", 1, progress, before="compiling derivatives") as bar:
-        d = _Derivatives(scene, wrt, backend, forward=False)
+        d = Derivatives(scene, wrt, backend)
         traced, order, a = d.traced(interrupts, bar), d.prepared.order, d.prepared.a
         mean, _ = traced.picture()
         rows = np.empty_like(mean)
@@ -174,7 +176,7 @@ def derivative(
     """
     scene = still_at(adjusted(scene, precision=precision, spp=spp), None)
     with Interrupts() as interrupts, Bar("differentiating", 1, progress, before="compiling derivatives") as bar:
-        d = _Derivatives(scene, [address], backend, forward=True)
+        d = Derivatives(scene, [address], backend, {address: np.array(1.0)})
         _, tangent = d.traced(interrupts, bar).picture()
     picture = np.empty_like(tangent.T)
     picture[d.prepared.order] = tangent.T

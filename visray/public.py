@@ -28,6 +28,7 @@ from visray.live.view import view
 from visray.materials import Material
 from visray.output.image import Image
 from visray.output.movie_of_images import write_movie
+from visray.picture_function import render_function
 from visray.polynomials.catalogue import SURFACES, KnownSurface
 from visray.primitives import *
 from visray.primitives.clips import Ball, Block
@@ -104,6 +105,7 @@ __all__ = [
     "prepare",
     "projected",
     "render",
+    "render_function",
     "replaced",
     "surface_scene",
     "tune",

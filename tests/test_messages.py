@@ -27,12 +27,14 @@ def refused(folder: Path, text: str) -> list[str]:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ('{"a": 1,\n\n}', "line 1, column 8: is not JSON: no comma belongs before '}'; leave it out"),
-        ('{"a": [1,\n 2, \n ]}', "line 2, column 3: is not JSON: no comma belongs before ']'; leave it out"),
+        ('{"a": [1,\n , \n ]}', "line 1, column 10: is not JSON: there are two commas; leave one out"),
         ('{"a": 1,\n , "b": 2}', "line 1, column 9: is not JSON: there are two commas; leave one out"),
         ('{"a": 1\n "b": 2}', "line 1, column 8: is not JSON: a comma is missing here, or a bracket"),
         ('{"a": [1, 2\n', "line 1, column 12: is not JSON: the file ends too early"),
-        ('{\n  // size\n}', "line 2, column 3: is not JSON: JSON has no comments; leave it out"),
+        ('{\n  # size\n}', "line 2, column 3: is not JSON: a comment begins with //, not with #"),
+        ('{\n  /* size\n}', "line 2: the comment that begins here has no end; write */ behind it"),
+        ('{ // size\n "a": .5}', "line 2, column 7: is not JSON: a number begins with a digit, as in 0.5"),
+        ("// nothing\n", "the file holds only comments; it must hold at least {}"),
         ('{"a" 1}', "line 1, column 6: is not JSON: expecting ':' delimiter"),
     ],
 )  # fmt: skip

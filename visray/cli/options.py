@@ -4,6 +4,7 @@ The modules of commands import at their top only what the help needs, so that he
 imports what it needs when it runs.
 """
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -147,5 +148,18 @@ def write_or_print(text: str, path: Path | None) -> None:
     """Writes a text to a file, or prints it if `path` is None."""
     if path is None:
         terminal.write(text)
-    else:
-        write_text(path, text)
+        return
+    commented = _has_comments(path)
+    write_text(path, text)
+    if commented:
+        warnings.warn(f"{path}: had comments, and what is written is plain JSON without them", stacklevel=1)
+
+
+def _has_comments(path: Path) -> bool:
+    """Whether a file exists, and is JSON with comments."""
+    from visray.scene.comments import has_comments
+
+    try:
+        return path.suffix.lower() == ".json" and has_comments(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError):
+        return False

@@ -1,4 +1,4 @@
-"""Strict reading of JSON files. Errors give the line and the column."""
+"""Strict reading of JSON files, which may have comments. Errors give the line and the column."""
 
 import json
 import re
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from visray.errors import UserError
+from visray.scene.comments import without_comments
 from visray.scene.garbage import uncollected
 
 # A whole number of at most this many digits fits a double. A longer one is read as a float, which may be infinite.
@@ -61,7 +62,8 @@ class _Object(dict):
 
 
 def read(path: str | Path) -> Source:
-    """Content of a JSON file. Raises UserError if the file cannot be read, or is not JSON in UTF-8."""
+    """Content of a JSON file, without comments and commas after a last entry (scene/comments.py). Raises UserError if
+    the file cannot be read, or is not JSON in UTF-8."""
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:
@@ -77,15 +79,30 @@ def read(path: str | Path) -> Source:
         raise UserError(f"{path}: line {line}: is not UTF-8; save the file as UTF-8 text") from None
     if not text.strip():
         raise UserError(f"{path}: the file is empty; it must hold at least {{}}")
-    return parse(text, str(path))
+    return parse(text, str(path), comments=True)
 
 
 @uncollected()
-def parse(text: str, name: str) -> Source:
+def parse(text: str, name: str, *, comments: bool = False) -> Source:
     """Content of a JSON text.
 
     name: what errors call the text, such as the file's path.
+    comments: whether comments and commas after a last entry are allowed.
     """
+    try:
+        return _content(text, name)
+    except UserError:
+        # Most files have no comments. Looking for them takes longer than reading alone.
+        plain = without_comments(text, name) if comments else text
+        if plain == text:
+            raise
+    if not plain.strip():
+        raise UserError(f"{name}: the file holds only comments; it must hold at least {{}}")
+    return _content(plain, name)
+
+
+def _content(text: str, name: str) -> Source:
+    """Content of a JSON text without comments. name: what errors call the text."""
     try:
         return Source(_loaded(text, name, _with_unique_keys))
     except _RepeatedKey:
@@ -133,8 +150,10 @@ def _reason(text: str, error: json.JSONDecodeError) -> tuple[int, str]:
         return len(before) - 1, f"no comma belongs before '{rest[0]}'; leave it out"
     if rest[:1] == "," and before.endswith(","):
         return len(before), "there are two commas; leave one out"
-    if rest[:2] in ("//", "/*") or rest[:1] == "#":
-        return error.pos, "JSON has no comments; leave it out"
+    if rest[:1] == "#":
+        return error.pos, "a comment begins with //, not with #"
+    if rest[:2] in ("//", "/*"):
+        return error.pos, "a value has no comments; leave it out"
     if not rest:
         return len(before), "the file ends too early"
     if error.msg == "Expecting value" and (said := next((t for key, t in VALUES.items() if rest.startswith(key)), "")):

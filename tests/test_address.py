@@ -11,7 +11,7 @@ from visray.errors import UserError
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import Disk, Sphere
-from visray.scene.address import changed, numeric_addresses, parse_assignment, replaced, value
+from visray.scene.address import changed, numeric_addresses, parse_assignment, parse_assignments, replaced, value
 from visray.scene.load import load
 from visray.scene.scene import Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.textures import CheckerTexture, ImageTexture
@@ -283,18 +283,28 @@ def test_text_without_address_or_value_is_no_assignment(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "first", "rest"),
+    ("texts", "expected"),
     [
-        ("camera.fov=40,film.width=5", "camera.fov=40", "film.width=5"),
-        ("camera.fov=40 film.width=5", "camera.fov=40", "film.width=5"),
-        ("camera.origin=[1, 2, 3]; objects.a b.radius = 2", "camera.origin=[1, 2, 3]", "objects.a b.radius = 2"),
-        ("ambient=0,1,5,background=[0,0,0]", "ambient=0,1,5", "background=[0,0,0]"),
+        (["camera.fov=40,film.width=5"], {"camera.fov": 40, "film.width": 5}),
+        (["camera.fov=40 film.width=5"], {"camera.fov": 40, "film.width": 5}),
+        (["camera.origin=[1, 2, 3]; objects.a b.radius = 2"], {"camera.origin": [1, 2, 3], "objects.a b.radius": 2}),
+        (["ambient=0,1,5,background=[0,0,0]"], {"ambient": [0, 1, 5], "background": [0, 0, 0]}),
+        (['textures.t.file="a,film.width=5", film.width=6'], {"textures.t.file": "a,film.width=5", "film.width": 6}),
+        (['data={"title": "a, film.width=5"}'], {"data": {"title": "a, film.width=5"}}),
+        (["objects.a.material=1, red"], {"objects.a.material": "1, red"}),
+        (["camera.fov=40", "camera.fov=50"], {"camera.fov": 50}),
+        (["film.width=1,film.height=2,camera.fov=3"], {"film.width": 1, "film.height": 2, "camera.fov": 3}),
     ],
 )
-def test_two_assignments_in_one_text_are_refused(text: str, first: str, rest: str) -> None:
-    with pytest.raises(UserError) as caught:
-        parse_assignment(text)
-    assert caught.value.lines == (f"{text!r}: is more than one assignment; write --set {first!r} --set {rest!r}",)
+def test_several_assignments_in_one_text(texts: list[str], expected: dict) -> None:
+    assert parse_assignments(texts) == expected
+
+
+def test_a_wrong_one_of_several_assignments_is_named() -> None:
+    with pytest.raises(UserError, match=r"a\.center: line 1, column 4: is not JSON"):
+        parse_assignments(["a.center=[1 2],film.width=3"])
+    with pytest.raises(UserError, match=r"'camera\.fov=': is not an assignment"):
+        parse_assignments(["camera.fov=,film.width=3"])
 
 
 def test_broken_json_in_an_assignment() -> None:

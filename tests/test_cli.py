@@ -270,11 +270,6 @@ def test_one_surface_and_a_similar_name(capsys):
     assert code == 2 and 'did you mean "togliatti"?' in err
 
 
-def test_several_assignments_in_one_are_refused(capsys):
-    code, _, err = said(capsys, "explain", SPHERE, "--set", "objects.large.radius=1,objects.large.center.0=2")
-    assert code == 2 and "is more than one assignment; write --set 'objects.large.radius=1' --set" in err
-
-
 def test_an_error_may_be_a_percentage(capsys, tmp_path):
     out = str(tmp_path / "a.exr")
     code, text, _ = said(capsys, "render", SPHERE, *SMALL[:2], "-o", out, "--error", "20%", "--json")

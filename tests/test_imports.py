@@ -117,6 +117,7 @@ surface_picture.known_report surface_picture.captions surface_picture.sheet
 surface_picture
 live.fields live.ranges live.controls live.data_controls live.looks live.search live.tabs
 live
+cli.scene_files cli.words cli.quantities cli.wrong_words
 cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.showing cli.rendering cli.frame_report cli.resuming
 cli.animating cli.studies cli.files cli.describing cli.data cli.view cli.surface cli.surfaces
 cli.commands cli.program cli

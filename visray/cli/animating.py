@@ -19,6 +19,7 @@ from visray.cli.options import (
     Json,
     Outside,
     SceneFile,
+    Seconds,
     Settings,
     Setup,
     Threads,
@@ -83,7 +84,9 @@ def animate_command(
     fps: Annotated[float | None, Parameter(help="Frames per second. Default: as the scene says.")] = None,
     spp: Samples = None,
     error: Error = None,
-    time: Annotated[float | None, Parameter(help="Make the best picture of each frame in this many seconds.")] = None,
+    time: Annotated[
+        Seconds | None, Parameter(help="Make the best picture of each frame in this time: 20 or 20s, 2min, 1h.")
+    ] = None,
     size: Size = None,
     precision: Precision = None,
     seed: Seed = None,

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from visray import clock
 from visray.cli.describing import describe_table
-from visray.cli.options import Integer, Json, Share, Threads, app, flag, parse_list, parse_size
+from visray.cli.options import Integer, Json, Seconds, Share, Threads, app, flag, parse_list, parse_size
 from visray.cli.picture_options import Preview, Quiet, Show, Time
 from visray.cli.showing import Showing
 from visray.errors import UserError
@@ -54,7 +54,7 @@ def data_command(
         "With --time-column: numbers stay what they are until the next date. Else they are interpolated."
     ) = False,
     animate: Annotated[
-        float | None,
+        Seconds | None,
         Parameter(help="Length in seconds of an animation, with --time-column: from the first date to the last one."),
     ] = None,
     turns: Annotated[

@@ -5,16 +5,16 @@ imports what it needs when it runs.
 """
 
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App, Parameter, Token
+from cyclopts import App, Parameter
 
 from visray import terminal
+from visray.cli.quantities import parse_integer, parse_seconds, parse_share
 from visray.errors import UserError
 from visray.output.files import write_text
-from visray.scene.source import read
+from visray.scene.source import Source, read
 from visray.version import __version__
 
 if TYPE_CHECKING:
@@ -30,17 +30,6 @@ app = App(
 )
 
 
-def parse_integer(_: type, tokens: Sequence[Token]) -> int:
-    """The integer in the first token; a ValueError for a text such as 1.5, which cyclopts itself would round."""
-    return int(tokens[0].value)
-
-
-def parse_share(_: type, tokens: Sequence[Token]) -> float:
-    """The number in the first token, which may be a percentage: 1% is 0.01."""
-    text = tokens[0].value.strip()
-    return float(text[:-1]) / 100 if text.endswith("%") else float(text)
-
-
 def flag(help: str, **more: Any) -> Any:
     """The type of an option without a value, such as --quiet. Its help does not say that the default is False.
 
@@ -51,12 +40,13 @@ def flag(help: str, **more: Any) -> Any:
 
 Integer = Annotated[int, Parameter(converter=parse_integer)]
 Share = Annotated[float, Parameter(converter=parse_share)]
+Seconds = Annotated[float, Parameter(converter=parse_seconds)]
 SceneFile = Annotated[Path, Parameter(help="A scene file (.json).")]
 Setup = Annotated[Path | None, Parameter(help="The setup file of a scene in the format of the original VisRayTrace.")]
 Compat = flag("With a scene of the original VisRayTrace: use its rules for light, occlusion and weights.")
 Outside = flag("Read textures and meshes outside of the scene's folder too. Only for scenes that you trust.")
 Json = flag("Print the report as JSON.", name="--json")
-At = Annotated[float | None, Parameter(help="The moment of an animated scene, in seconds. Default: 0.")]
+At = Annotated[Seconds | None, Parameter(help="The moment of an animated scene, in seconds. Default: 0.")]
 Threads = Annotated[Integer | None, Parameter(help="Number of threads. Default: one per core.")]
 Cluster = Annotated[
     str | None,
@@ -66,7 +56,8 @@ Settings = Annotated[
     list[str],
     Parameter(
         name="--set",
-        help="ADDRESS=VALUE, such as objects.ball.radius=2 or materials.red.kd=[1,0,0]. May be given more than once.",
+        help="ADDRESS=VALUE, such as objects.ball.radius=2 or camera.origin=0,1,5. Several may follow, with spaces or "
+        "commas between. May be given more than once.",
         show_default=False,
     ),
 ]
@@ -103,14 +94,26 @@ def load_scene(
     allow_outside: whether the scene may name files outside of its folder.
     settings: size of the film, and values of fields of Settings by name; None keeps the scene's value.
     """
-    source = read(scene)
+    source = read_scene_file(scene)
     # Here, because these imports take longer than to see that a file is missing, or is no JSON.
-    from visray.scene.address import changed, parse_assignment
+    from visray.scene.address import parse_assignments
     from visray.scene.adjusted import adjusted
-    from visray.scene.load import load
+    from visray.scene.repaired import loaded_with
 
-    loaded = adjusted(load(scene, setup, compat, source, allow_outside=allow_outside), **settings)
-    return changed(loaded, dict(map(parse_assignment, assignments))) if assignments else loaded
+    loaded = loaded_with(parse_assignments(assignments), scene, setup, compat, source, allow_outside=allow_outside)
+    return adjusted(loaded, **settings)
+
+
+def read_scene_file(scene: Path) -> Source:
+    """The content of a scene file. If there is none, the error names files that may be meant."""
+    try:
+        return read(scene)
+    except UserError as error:
+        if not isinstance(error.__context__, FileNotFoundError | IsADirectoryError):
+            raise
+    from visray.cli.scene_files import meant
+
+    raise UserError(f"{scene}: {meant(scene)}")
 
 
 def check_cluster(address: str | None) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from visray.cli.options import Integer, Share, flag
+from visray.cli.options import Integer, Seconds, Share, flag
 from visray.errors import UserError
 from visray.modes import MODES, Mode
 from visray.output.layers import LAYERS, NAMES, Layer, layers_of_files, names_from
@@ -17,7 +17,7 @@ Error = Annotated[
     Share | None,
     Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the mean luminance."),
 ]
-Time = Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")]
+Time = Annotated[Seconds | None, Parameter(help="Make the best picture in this time: 20 or 20s, 2min, 1h.")]
 Size = Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels, such as 640x480.")]
 Precision = Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")]
 Seed = Annotated[Integer | None, Parameter(help="Seed of the random numbers. Another gives other noise.")]

@@ -68,13 +68,17 @@ def _run(tokens: list[str] | None) -> int:
     # Commands that need no Dr.Jit do without it, and errors in a scene are seen before it is loaded.
     drjit_import.put_off()
     from visray.cli.commands import app
+    from visray.cli.words import written_out
 
     with warnings.catch_warnings():
         warnings.showwarning = terminal.note
         try:
-            return app(tokens, exit_on_error=False, print_error=False, result_action="return_value") or 0
+            words = written_out(sys.argv[1:] if tokens is None else tokens)
+            return app(words, exit_on_error=False, print_error=False, result_action="return_value") or 0
         except CycloptsError as error:
-            raise UserError(" ".join(str(error).split()) + " (see visray --help)") from None
+            from visray.cli.wrong_words import explained
+
+            raise UserError(explained(error, app)) from None
 
 
 class _Stop:

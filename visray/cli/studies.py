@@ -15,6 +15,7 @@ from visray.cli.options import (
     Json,
     Outside,
     SceneFile,
+    Seconds,
     Settings,
     Setup,
     Share,
@@ -263,7 +264,9 @@ def tune(
     allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
     error: Annotated[Share | None, Parameter(help="The error to reach, as a share of the mean luminance.")] = None,
-    time: Annotated[float | None, Parameter(help="The seconds that a render may take, compilation apart.")] = None,
+    time: Annotated[
+        Seconds | None, Parameter(help="The time that a render may take, compilation apart: 20 or 20s, 2min.")
+    ] = None,
     full: Annotated[bool, Parameter(help="Measure more values of each knob, on larger pictures.")] = False,
     threads: Threads = None,
     output: Annotated[
@@ -276,6 +279,8 @@ def tune(
     Samples per pixel are left to the adaptive sampler: render the scene with the same --error or --time. Ctrl-C keeps
     the better of the settings that were rendered.
     """
+    if error is None and time is None:
+        raise UserError("visray tune: needs an error or a time to choose for; write --error 1% or --time 10")
     if output is not None and output.suffix.lower() != ".json":
         raise UserError(f"{output}: a scene is a .json file; end the name so")
     if output is not None:

@@ -18,7 +18,7 @@ from visray.live.playing import Playing
 from visray.live.search import Controls, Found, search
 from visray.live.tabs import tab
 from visray.live.widgets import ControlWidget, short
-from visray.scene.address import parse_assignment, value
+from visray.scene.address import parse_assignments, value
 from visray.scene.animation_values import track_values
 from visray.scene.edits import is_below_layer, within
 from visray.scene.scene import Scene
@@ -143,10 +143,10 @@ class PanelPart:
 
     def _assign_text(self) -> None:
         """Assigns what is written in the search box."""
-        assignment = parse_assignment(self.text.value)
+        assignments = parse_assignments([self.text.value])
         with self._lock:
             self._last = None
-            self.engine.assign(dict([assignment]))
+            self.engine.assign(assignments)
 
     def changed(self, change: Change) -> None:
         """The scene has changed: shows its values."""

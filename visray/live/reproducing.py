@@ -9,7 +9,7 @@ from typing import Any
 from visray.animation.moment import assignments as moment_assignments
 from visray.animation.moment import still_at
 from visray.errors import UserError
-from visray.scene.address import changed, parse_assignment, value
+from visray.scene.address import changed, parse_assignments, value
 from visray.scene.edits import within
 from visray.scene.scene import Scene
 from visray.scene.write import value_text
@@ -123,7 +123,7 @@ def command_line(command: Sequence[str], base: Scene, seen: Seen, wish: Wish, ou
             "the animation moves the camera, and no option moves it elsewhere; save the picture, or go home"
         )
     texts = [f"{address}={value_text(x)}" for address, x in assignments(base, seen).items()]
-    again = changed(base, dict(map(parse_assignment, texts))) if texts else base
+    again = changed(base, parse_assignments(texts)) if texts else base
     if again.hash() != seen.as_file().hash():
         raise UserError("the scene's file is no longer what is shown here; save the scene")
     words = [*RENDER, *command[len(RENDER) :], *(word for text in texts for word in ("--set", text))]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from visray.errors import UserError
 from visray.live.reproducing import Seen, Wish
-from visray.scene.address import changed, parse_assignment
+from visray.scene.address import changed, parse_assignments
 from visray.scene.scene import Scene
 from visray.scene.write import value_text
 from visray.surface_picture.reading import SURFACE
@@ -44,7 +44,7 @@ def _lines(recipe: Recipe, wanted: Scene, edits: Sequence[str], size: tuple[int,
             continue
         texts = [f"{a}={value_text(x)}" for a, x in fitted_values(base, wanted).items()]
         texts += [f"{a}={value_text(x)}" for a, x in different(base, wanted, edits).items() if not _has(texts, a)]
-        made = changed(base, dict(map(parse_assignment, texts))) if texts else base
+        made = changed(base, parse_assignments(texts)) if texts else base
         if made.hash() == wanted.hash():
             yield replace(again, settings=(*recipe.settings, *texts)).words()
 

@@ -3,8 +3,9 @@ the command line and Python use the same addresses.
 """
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
+from json import JSONDecoder
 from typing import Any, get_args
 
 from visray.arguments import checked_arguments
@@ -15,7 +16,6 @@ from visray.scene.check import checked, examined
 from visray.scene.edits import edited, entry_of, is_below_layer, keys_of, value_at, within
 from visray.scene.scene import Scene
 from visray.scene.source import parse
-from visray.terminal import printable
 from visray.warn import warn
 
 # In the value of an assignment: a further assignment, after a comma, a semicolon or a space.
@@ -68,15 +68,42 @@ def _warn_of_tracks(scene: Scene, addresses: Collection[str]) -> None:
             warn(f"{address}: animation.tracks.{name} {text}", AnimationWarning)
 
 
+def parse_assignments(texts: Iterable[str]) -> dict[str, Any]:
+    """Values by address from texts. Each text is an assignment as parse_assignment reads it, or several, with commas,
+    semicolons or spaces between. Of two values for one address, the last one counts."""
+    return dict(parse_assignment(part) for text in texts for part in _single_assignments(text))
+
+
+def _single_assignments(text: str) -> Iterator[str]:
+    """The assignments in a text, each as a text."""
+    while True:
+        address, equals, written = text.partition("=")
+        begin = _end_of_json(written)
+        second = (SECOND.search if begin == 0 else SECOND.match)(written, begin)
+        if second is None:
+            yield text
+            return
+        yield f"{address}{equals}{written[: second.start()]}"
+        text = second[1]
+
+
+def _end_of_json(written: str) -> int:
+    """Index of the end of the text in quotes, list or object with which a value begins; 0 if it begins with none."""
+    start = len(written) - len(written.lstrip())
+    if written[start : start + 1] not in ('"', "[", "{"):
+        return 0
+    try:
+        return JSONDecoder().raw_decode(written, start)[1]
+    except (ValueError, RecursionError):
+        return 0  # parse_assignment says what is wrong with it
+
+
 def parse_assignment(text: str) -> tuple[str, Any]:
     """The address and the value in a text `ADDRESS=VALUE`. VALUE is JSON. A word without quotes is a string, numbers
     with commas between them, such as 0,1,5 or (0, 1, 5), are a list."""
     address, equals, written = (part.strip() for part in text.partition("="))
     if not (address and equals and written):
         raise UserError(f"{text!r}: is not an assignment; write ADDRESS=VALUE, as in objects.ball.radius=2")
-    if written[0] != '"' and (second := SECOND.search(written)):
-        first, rest = (repr(part.strip()) for part in (f"{address}={written[: second.start()]}", second[1]))
-        raise UserError(printable(f"{text!r}: is more than one assignment; write --set {first} --set {rest}"))
     if NUMBERS.fullmatch(written):
         written = f"[{written.strip('()')}]"
     if written[0] not in '{["':

@@ -67,7 +67,7 @@ def read(path: str | Path) -> Source:
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:
-        raise UserError(f"{path}: no such file{neighbour(Path(path)) or _as_surface(str(path))}") from None
+        raise UserError(f"{path}: no such file{neighbour(Path(path)) or as_surface(str(path))}") from None
     except IsADirectoryError:
         raise UserError(f"{path}: is a folder; give a file in it") from None
     except (OSError, ValueError) as error:
@@ -221,7 +221,7 @@ def _plain(tree: Any, address: str, repeated: list[str]) -> Any:
     return tree
 
 
-def _as_surface(text: str) -> str:
+def as_surface(text: str) -> str:
     """A hint for a text that is no file, but a formula or the name of a known surface; "" for any other text."""
     if not (_NAME.fullmatch(text) or _FORMULA.fullmatch(text)):
         return ""

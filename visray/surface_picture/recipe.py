@@ -7,7 +7,7 @@ from typing import Any
 from visray.errors import UserError
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
-from visray.scene.address import changed, parse_assignment, value
+from visray.scene.address import changed, parse_assignments, value
 from visray.scene.check import checked
 from visray.scene.scene import Scene
 from visray.surface_picture.look import INSIDE, OUTSIDE
@@ -46,7 +46,7 @@ class Recipe:
         """The scene with all settings, and the picture without them. Raises a UserError if something is wrong."""
         made = surface_picture(self.formula, self.parameters, self.wishes)
         scene = checked(made.scene)
-        return (changed(scene, dict(map(parse_assignment, self.settings))) if self.settings else scene), made
+        return (changed(scene, parse_assignments(self.settings)) if self.settings else scene), made
 
     def words(self) -> list[str]:
         """The words of the command line that makes the picture."""

@@ -1,0 +1,113 @@
+"""The words of the command line: assignments, numbers with units, and what a stranger is told of a wrong word."""
+
+import json
+from pathlib import Path
+
+import pytest
+from cyclopts import Token
+
+import visray as vr
+from visray.cli import main
+from visray.cli.quantities import parse_integer, parse_seconds, parse_share
+from visray.errors import UserError
+from visray.scene.address import changed
+
+SPHERE = str(Path(__file__).resolve().parents[1] / "scenes" / "sphere.json")
+
+
+def said(capsys, *tokens):
+    """Exit code, standard output and standard error of a command."""
+    code = main(list(tokens))
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.mark.parametrize(
+    "tokens",
+    [
+        ["--set", "objects.large.radius=1,objects.large.center.0=2"],
+        ["--set", "objects.large.radius=1", "objects.large.center.0=2"],
+        ["--set", "objects.large.radius=1", "--set", "objects.large.center.0=2"],
+        ["--set=objects.large.radius=1", "objects.large.center.0=2"],
+    ],
+)
+def test_several_assignments(capsys, tokens):
+    code, text, _ = said(capsys, "explain", *tokens, SPHERE, "--json")
+    scene = changed(vr.load(SPHERE), {"objects.large.radius": 1.0, "objects.large.center.0": 2.0})
+    assert code == 0 and json.loads(text)["scene_hash"] == scene.hash()
+
+
+def test_an_assignment_repairs_what_is_wrong_in_the_file(capsys, tmp_path):
+    file = tmp_path / "wrong.json"
+    file.write_text('{"objects": {"a": {"type": "sphere", "radius": -1}, "b": {"type": "sphere", "radius": 0}}}')
+    whole = ["--set", "objects.a.radius=2", "objects.b.radius=1"]
+    assert said(capsys, "explain", str(file), *whole)[0] == 0
+    code, _, err = said(capsys, "explain", str(file), "--set", "objects.a.radius=-2")
+    assert code == 2 and err.splitlines() == [
+        "visray: objects.a.radius = -2: must be greater than 0",
+        f"visray: {file}: objects.b.radius = 0: must be greater than 0",
+    ]
+    assert f"{file}: objects.a.radius = -1" in said(capsys, "explain", str(file), "--set", "camera.fov=30")[2]
+
+
+@pytest.mark.parametrize(("text", "seconds"), [("20", 20), ("20s", 20), ("2min", 120), ("1 h", 3600), ("500ms", 0.5)])
+def test_times(text, seconds):
+    assert parse_seconds(float, [Token(keyword="--time", value=text)]) == seconds
+
+
+@pytest.mark.parametrize(
+    ("parse", "text", "line"),
+    [
+        (parse_share, "5", "--x = 5: would be 500 %, and an error is below 100 %; write 5% or 0.05"),
+        (parse_share, "120%", "--x = 120%: would be 120 %, and an error is below 100 %; write 1% or 0.01"),
+        (parse_share, "0", "--x = '0': must be an error above 0 and below 100 %, such as 1% or 0.01"),
+        (parse_share, "nan", "--x = 'nan': must be an error above 0 and below 100 %, such as 1% or 0.01"),
+        (parse_share, "a", "--x = 'a': must be an error above 0 and below 100 %, such as 1% or 0.01"),
+        (parse_seconds, "2 parsecs", "--x = '2 parsecs': must be a time, such as 20 or 20s, 2min, 1h"),
+        (parse_seconds, "inf", "--x = 'inf': must be a time, such as 20 or 20s, 2min, 1h"),
+        (parse_integer, "1.5", "--x = '1.5': must be a whole number, such as 16"),
+    ],
+)
+def test_a_wrong_number_gets_one_line(parse, text, line):
+    with pytest.raises(UserError) as caught:
+        parse(float, [Token(keyword="--x", value=text)])
+    assert caught.value.lines == (line,)
+
+
+WRONG = {
+    "no scene": ("render", "visray render: the scene is missing; visray new ball.json writes one to begin with"),
+    "no file": ("render a.json", "a.json: no such file; visray new a.json writes a scene to begin with"),
+    "no folder of scenes": ("render .", ".: is a folder; give a scene in it"),
+    "near command": ("rendr", "rendr: there is no such command; did you mean visray render? visray --help lists all"),
+    "near option": (
+        f"render {SPHERE} --tim 1",
+        "--tim: there is no such option; did you mean --time? visray render --help lists all",
+    ),
+    "no command": (SPHERE, f"{SPHERE}: is a scene, and no command; visray render {SPHERE} makes its picture"),
+    "no value": ("render a --set", "--set: its value is missing; visray render --help says what it takes"),
+    "choice": (f"render {SPHERE} --precision half", "--precision = half: must be one of single, double"),
+    "twice": (f"render {SPHERE} --spp 1 --spp 2", "--spp: is given twice; leave one out"),
+    "too many": (f"render {SPHERE} b.json", "b.json: is one word too many; visray render --help says what it takes"),
+    "no --set": (f"render {SPHERE} camera.fov=3", "camera.fov=3: stands alone; write --set camera.fov=3"),
+    "no goal": (
+        f"tune {SPHERE}", "visray tune: needs an error or a time to choose for; write --error 1% or --time 10"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_stranger_is_told_what_is_right(name, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words, line = WRONG[name]
+    assert said(capsys, *words.split()) == (2, "", f"visray: {line}\n")
+
+
+def test_files_that_may_be_meant_are_named(capsys, tmp_path, monkeypatch):
+    (tmp_path / "scenes").mkdir()
+    (tmp_path / "scenes" / "cup.json").write_text("{}")
+    monkeypatch.chdir(tmp_path)
+    assert "did you mean 'scenes/cup.json'?" in said(capsys, "render", "cup.json")[2]
+    assert "give a scene in it, such as scenes/cup.json" in said(capsys, "render", "scenes")[2]
+    assert "write visray render scenes/cup.json" in said(capsys, "render")[2]
+    monkeypatch.chdir("scenes")
+    assert "did you mean 'cup.json'?" in said(capsys, "render", "cup")[2]

@@ -359,3 +359,22 @@ def test_shadow_edges_warn():
 def test_what_has_no_derivative_says_so(address, line):
     with pytest.raises(vr.UserError, match=line):
         vr.gradient(CLOSE, [address])
+
+
+def test_a_difference_over_a_jump_is_told():
+    """The square under a pixel's sample changes its colour: the jump, divided by the step, is no derivative."""
+    checker = vr.CheckerTexture(a=(1.0, 1.0, 1.0), b=(0.0, 0.0, 0.0), scale=(64.0, 64.0))
+    wall = vr.Rectangle(width=(4.0, 0.0, 0.0), height=(0.0, 4.0, 0.0), material="tiles")
+    tiled = replace(
+        CLOSE,
+        film=vr.Film(width=64, height=64),
+        textures={"squares": checker},
+        materials={"tiles": vr.Material(texture="squares")},
+        objects={"wall": wall},
+    )
+    with pytest.warns(vr.EdgeWarning, match=r"camera.fov: \d+ of 4096 pixels change by up to 0\..*take a larger step"):
+        slope = vr.difference(tiled, "camera.fov", step=1e-5)
+    # Without edges between pixels the picture changes by about 1 a degree.
+    assert np.abs(slope).max() > 1000
+    vr.difference(tiled, "camera.fov", step=0.01)
+    vr.difference(CLOSE, "camera.fov")

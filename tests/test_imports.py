@@ -107,7 +107,7 @@ cluster.merging cluster.asking cluster.crew cluster.scheduler cluster.connecting
 certificate provenance made_layers picture_layers sampled_layers animation_report explaining renderer
 frame_maker animating
 edges
-gradients
+gradients differences
 traced_picture torch_picture jax_picture picture_function
 study
 surface_picture.jet surface_picture.field surface_picture.points surface_picture.whereabouts

@@ -9,10 +9,11 @@ from visray import modes
 from visray.adaptive.brightness import Brightness, rms
 from visray.camera import Camera
 from visray.dark import DarkWarning
+from visray.differences import difference
 from visray.edges import EdgeWarning
 from visray.errors import UserError
 from visray.features import features
-from visray.gradients import difference, gradient
+from visray.gradients import gradient
 from visray.lights import DirectionalLight, PointLight, RectangleLight
 from visray.material_report import energy_notes
 from visray.materials import Material

@@ -137,6 +137,8 @@ class AddressIndex:
             table, rest = packed.lights[number].numbers, parts[3:]
         elif address == "settings.occlusion.distance":
             table, row, rest = packed.occlusion, 0, parts[3:]
+        elif head == "textures" and address in addresses.numeric_addresses(self.scene):
+            raise UserError(f"{address}: derivatives by textures are not computed; vr.difference takes differences")
         else:
             raise UserError(f"{address}: is not a number that a picture depends on smoothly")
         if field not in quantities(type(table)):

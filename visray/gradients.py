@@ -10,7 +10,7 @@ patch, but not what a moving silhouette or shadow edge adds. `gradient` and `der
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from math import inf, prod
+from math import prod
 from typing import Any
 
 import drjit as dr
@@ -19,18 +19,15 @@ import numpy as np
 from visray.accel.policy import MAX_UNROLLED
 from visray.address_index import AddressIndex, Slot, TableSlot
 from visray.animation.moment import still_at
-from visray.arguments import checked_arguments, shown
+from visray.arguments import checked_arguments
 from visray.attached_picture import SampleLoop, Sweeps
 from visray.data.all_objects import address_of
 from visray.edges import moves_edges, warn_of_edges
 from visray.errors import UserError
 from visray.jacobian import Launches
 from visray.kernel_scene import KernelScene
-from visray.number_table import NumberTable
 from visray.pack import Packed
-from visray.passes import expose
 from visray.progress import Bar, Interrupts
-from visray.scene import address as addresses
 from visray.scene.adjusted import adjusted
 from visray.scene.scene import Scene
 from visray.setup import prepare
@@ -181,54 +178,6 @@ def derivative(
     picture = np.empty_like(tangent.T)
     picture[d.prepared.order] = tangent.T
     return picture.reshape(scene.film.height, scene.film.width, 3)
-
-
-# Weights of pictures at multiples of the step, on both sides of a value and on one side only. Differences with these
-# weights are exact for quadratic functions.
-CENTRAL, UPWARDS, DOWNWARDS = {1: 0.5, -1: -0.5}, {0: -1.5, 1: 2, 2: -0.5}, {0: 1.5, -1: -2, -2: 0.5}
-
-
-@checked_arguments
-def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | None = None) -> np.ndarray:
-    """Derivative of every pixel by central differences in double precision, with the same samples in all pictures: a
-    slow reference for `derivative`. Shapes: (H, W, 3).
-
-    step: change of the number up and down; it is multiplied by the number's absolute value if this value is larger than
-        1
-    Error: step^2 / 6 times the third derivative, and about 1e-16 / step of rounding. If the number is at the end of the
-        range of its values, such as a colour of 0, the differences are those on one side, with an error of step^2 / 3
-        times the third derivative.
-
-    Unlike `derivative`, the result contains what moving edges add.
-    """
-    if isinstance(step, bool) or not isinstance(step, (int, float)) or not 0 < step < inf:
-        raise UserError(f"step = {shown(step)}: must be a finite number above 0, such as 1e-6")
-    scene = still_at(adjusted(scene, precision="double", spp=spp), None)
-    value = addresses.value(scene, address)
-    value = np.array(value.values if isinstance(value, NumberTable) else value, float)
-    step_size = step * max(1.0, float(np.max(np.abs(value))))
-
-    def scenes(weights: dict[int, float]) -> list[tuple[float, Scene]]:
-        moved = {k: value + k * step_size for k in weights}
-        values = {k: float(v) if v.ndim == 0 else tuple(v) if v.ndim == 1 else v for k, v in moved.items()}
-        return [(weight, addresses.replaced(scene, address, values[k])) for k, weight in weights.items()]
-
-    try:
-        terms = scenes(CENTRAL)
-    except UserError as error:
-        for one_sided in (UPWARDS, DOWNWARDS):
-            try:
-                terms = scenes(one_sided)
-                break
-            except UserError:
-                continue
-        else:
-            raise error from None
-    total = np.zeros((scene.film.height * scene.film.width, 3))
-    for weight, moved in terms:
-        prepared = prepare(moved)
-        total[prepared.order] += weight * np.array(expose(prepared)[0].mean, float).T
-    return (total / step_size).reshape(scene.film.height, scene.film.width, 3)
 
 
 def _mean(picture: Any) -> Any:

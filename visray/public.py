@@ -19,10 +19,11 @@ from visray.data.layer import DataLayer, RowEdit
 from visray.data.legend import Legend
 from visray.data.size_rule import SizeRule
 from visray.data_picture import data_scene
+from visray.differences import difference
 from visray.edges import EdgeWarning
 from visray.errors import UserError
 from visray.explaining import explain
-from visray.gradients import derivative, difference, gradient
+from visray.gradients import derivative, gradient
 from visray.lights import *
 from visray.live.view import view
 from visray.materials import Material

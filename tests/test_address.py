@@ -363,7 +363,7 @@ def test_numeric_addresses() -> None:
     ("prefix", "fields"),
     [
         ("textures.tiles", {"a", "b"}),
-        ("materials.glass", {"ka", "kd", "ks", "shininess", "kr", "kt", "ior", "dmax"}),
+        ("materials.glass", {"ka", "kd", "ks", "shininess", "kr", "kt", "ior", "dmax", "absorption"}),
         ("lights.sun", {"direction"}),
         ("lights.beam", {"position", "direction", "angle", "exponent"}),
         ("lights.window", {"position", "width", "height"}),

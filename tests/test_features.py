@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from visray import direct, indirect, integrator, interaction, media, occlusion, shading, warp
+from visray import direct, fresnel, indirect, integrator, interaction, media, occlusion, shading, warp
+from visray.accel import tint
 from visray.camera import Camera
 from visray.feature_rules import RULES
 from visray.features import features
@@ -117,13 +118,20 @@ def lone(thing: Any) -> Callable[[Scene], Scene]:
 
 
 GLASS = material("gloss", kt=(0.5, 0.7, 0.3), dmax=2.0, ior=1.4)
+
+
+def ball_on_floor(s: Scene) -> Scene:
+    """Only the ball and the floor, of what the scene has of them."""
+    return replace(s, objects={k: x for k, x in s.objects.items() if k in ("floor", "ball")} or s.objects)
+
+
 PANEL = RectangleLight(position=(2, 5, 4), samples=5)
 DISK = DiskLight(position=(3, 5, 4), normal=(-1, -1, -1), samples=4)
 GLOBE = SphereLight(position=(-3, 4, 3), radius=0.5, samples=3)
 # Every effect but coverage, on top of those that the full scene has.
 ALL = both(
     GLASS,
-    material("gloss", kr=(0.3, 0.2, 0.1)),
+    material("gloss", kr=(0.3, 0.2, 0.1), fresnel="dielectric", absorption=(0.3, 0.1, 0.2)),
     painted("wall", ImageTexture(file=DOTS)),
     lambda s: replace(s, lights=s.lights | {"panel": PANEL}),
     settings(occlusion=Occlusion(sky=3, near=2), scatter=Scatter(rays=2, depth=2)),
@@ -182,8 +190,30 @@ CASES = {
     "glass and mirror": (both(GLASS, material(kr=(0.2, 0.1, 0.3))), "refraction", True,
                          "needed by materials.gloss"),
     "two glasses": (GLASS, "nested media", True, "needed by objects.ball and 2 more"),
-    "one glass": (both(GLASS, lambda s: replace(s, objects={k: s.objects[k] for k in ("floor", "ball")})),
+    "one glass": (both(GLASS, ball_on_floor),
                   "nested media", False, "no transparent solid is beside another transparent object"),
+    "coat": (material("gloss", kr=(0.9, 0.8, 0.7), fresnel="dielectric"), "fresnel", True, "needed by materials.gloss"),
+    "glass by the angle": (both(GLASS, material("gloss", kr=(0.5, 0.4, 0.9), fresnel="dielectric")), "fresnel", True,
+                           "needed by materials.gloss"),
+    "metal": (material("wall", kr=(0.9, 0.6, 0.2), fresnel="metal"), "fresnel", True, "needed by materials.wall"),
+    "coat that reflects nothing": (material(fresnel="dielectric"), "fresnel", False,
+                                   "no material with kr or kt has fresnel"),
+    "coat at depth 0": (both(material(kr=(0.5, 0.6, 0.7), fresnel="dielectric"), settings(depth=0)), "fresnel", False,
+                        "settings.depth is 0"),
+    "bottle glass": (both(GLASS, material("gloss", absorption=(0.4, 0.1, 0.3))), "absorption", True,
+                     "needed by materials.gloss"),
+    "bottle on a wall": (both(ball_on_floor, GLASS,
+                              material("gloss", absorption=(0.4, 0.1, 0.3))), "nested media", True,
+                         "needed by objects.ball"),
+    "coat in a bottle": (both(ball_on_floor, GLASS,
+                              material("wall", kr=(0.4, 0.1, 0.3), fresnel="dielectric")), "nested media", True,
+                         "needed by objects.ball"),
+    "bottle that only tints": (both(GLASS, material("gloss", absorption=(0.4, 0.1, 0.3)), settings(depth=0)),
+                               "absorption", True, "needed by materials.gloss"),
+    "bottle that tints nothing": (both(GLASS, settings(depth=0, shadows=False)), "absorption", False,
+                                  "settings.depth is 0, and settings.shadows is false"),
+    "opaque bottle": (material(absorption=(0.4, 0.1, 0.3)), "absorption", False,
+                      "no transparent material has absorption"),
     "scatter": (settings(scatter=Scatter(rays=2, depth=2)), "scatter", True,
                 "needed by materials.gloss and 1 more"),
     "scatter of mirrors": (both(material(kr=(0.5, 0.6, 0.7)), settings(scatter=Scatter(rays=2, depth=2))), "scatter",
@@ -224,7 +254,7 @@ CASES = {
 # Of these cases, the scene itself rules the effect out: it is not forced.
 FORBIDDEN = (
     "shadows off", "panel without shadows", "glass without shadows", "transparent", "mirror at depth 0", "no textures",
-    "normals",
+    "normals", "coat at depth 0", "bottle that tints nothing",
 )  # fmt: skip
 EACH = pytest.mark.parametrize("case", CASES)
 
@@ -354,6 +384,9 @@ STEPS = {
     "reflection": (whole(), material("one", kr=(0.5, 0.7, 0.9))),
     "refraction": (whole(), material("one", kt=(0.5, 0.7, 0.9))),
     "nested media": (material("one", kt=(0.5, 0.7, 0.9)), material("one", "two", kt=(0.5, 0.7, 0.9))),
+    "fresnel": (material("one", kr=(0.5, 0.7, 0.9)), material("one", kr=(0.5, 0.7, 0.9), fresnel="dielectric")),
+    "absorption": (material("one", "two", kt=(0.5, 0.7, 0.9)),
+                   material("one", "two", kt=(0.5, 0.7, 0.9), absorption=(0.1, 0.2, 0.3))),
     "scatter": (whole(), settings(scatter=Scatter(rays=2, depth=2))),
     "unlit": (whole(), material("one", shading="unlit")),
     "two-sided": (whole(), material("one", back="two")),
@@ -421,6 +454,10 @@ PARTS = {
     (indirect, "bounce"): PATHS,
     (indirect, "scattered"): {"scatter"},
     (media, "_nested_media"): {"nested media"},
+    (media, "_fresnel_share"): {"fresnel"},
+    (media, "let_through"): {"absorption"},
+    (fresnel, "dielectric"): {"fresnel"},
+    (tint, "let_through"): {"absorption"},
     (direct, "area_light"): {"area lights"},
     (direct, "to_area"): {"area lights"},
     (direct, "_from_area"): {"area lights"},

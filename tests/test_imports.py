@@ -15,7 +15,7 @@ llvm
 output.curves
 colors
 quantities pytree operands
-ray geometry transforms
+ray geometry transforms fresnel absorption
 accel.sah accel.morton accel.hierarchy accel.blocks accel.bvh accel.row_tests accel.tree_rays accel.walk_stack
 accel.bvh_step accel.bvh_walk
 meshes.triangle_mesh meshes.topology meshes.normals meshes.fit meshes.polygons meshes.assembly
@@ -86,7 +86,7 @@ pack address_index repack nesting overlap_report batches sampling moments pictur
 checkpoint
 accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprints accel.cell_pairs accel.cells
 accel.policy accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
-accel.ray_segment accel.origin accel.traversal
+accel.ray_segment accel.origin accel.tint accel.traversal
 accel.intersect accel
 prepared_lights needed_materials
 ray_families

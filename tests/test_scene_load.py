@@ -35,7 +35,9 @@ KINDS, LIGHTS = (
     for kinds in (primitives.OBJECTS, lights.KINDS)
 )
 TEXTURES = "image, checker"
-MATERIAL = "ka, kd, ks, shininess, kr, kt, ior, dmax, priority, texture, textured, shading, colored, back"
+MATERIAL = (
+    "ka, kd, ks, shininess, kr, kt, ior, dmax, absorption, fresnel, priority, texture, textured, shading, colored, back"
+)
 
 
 def write(folder: Path, content: object) -> Path:

@@ -96,6 +96,8 @@ def _flaw(scene: Scene, address: str, wrt: Sequence[str]) -> str | None:
             return "as the two sides of a two-sided material are opaque"
         if field == "kt" and not any(scene.materials[name].kt) and _in_union(scene, name):
             return "at 0, as an opaque union is one solid and a transparent one is not; write a merge"
+        if material.fresnel != "none" and not any((*material.kr, *material.kt)):
+            return f"at 0, as a material without kr and kt has no {material.fresnel} fresnel, and one with them has it"
         if material.scatters and scatter.rays and scatter.depth:
             return "at 0 while settings.scatter has rays: a matte material scatters, and one with kr or kt does not"
     if head in ("objects", "geometries"):

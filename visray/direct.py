@@ -9,6 +9,7 @@ import drjit as dr
 from visray.accel.culling import DirectionCone
 from visray.accel.intersect import Target, occluded, transmittance
 from visray.accel.origin import RayOrigin
+from visray.accel.tint import Tint
 from visray.geometry import gamma, l1_norm
 from visray.interaction import Interaction
 from visray.kernel_scene import KernelScene
@@ -277,6 +278,6 @@ def _shadowed(s: KernelScene, origin: RayOrigin, ray: Ray, target: Target, sampl
     if not s.features["coloured shadows"]:
         is_occluded = occluded(origin, ray, target, sample.arrives, s.brute_force)
         return LightSample(sample.l, sample.cosine, sample.arrives & ~is_occluded, sample.weight)
-    tints = tuple((b.material.kt, b.material.dmax) for b in s.batches)
+    tints = tuple(map(Tint.of, s.batches))
     light_left = transmittance(origin, ray, target, sample.arrives, tints, s.brute_force)
     return LightSample(sample.l, sample.cosine, sample.arrives, sample.weight, light_left)

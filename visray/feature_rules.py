@@ -46,7 +46,7 @@ class Rule:
 REFLECTED = ("diffuse", "specular")
 SOURCES = ("ambient", *REFLECTED, "unlit", "background")
 CHANGING_REFLECTED = ("attenuation", "shadows", "coloured shadows", "area lights")
-PASSING_ON = ("reflection", "refraction", "nested media", "scatter")
+PASSING_ON = ("reflection", "refraction", "nested media", "fresnel", "absorption", "scatter")
 
 
 def used_materials(scene: Scene) -> dict[str, Material]:
@@ -150,12 +150,33 @@ def _coloured(scene: Scene) -> list[str]:
 
 def _nested(scene: Scene) -> list[str]:
     """Addresses of the transparent objects; empty if they are fewer than two bodies, or if none of them is closed (the
-    surface of a solid)."""
+    surface of a solid). A single one has to be known too if other objects may lie in it, and their look depends on the
+    medium around them: it absorbs, or they reflect by `fresnel`."""
     transparent = {n for n, m in scene.materials.items() if any(m.kt)}
     objects = scene.objects_of(transparent)
     several = len(objects) > 1 or any(len(bodies("", o, scene.geometries)) > 1 for o in objects.values())
+    if not several and len(scene.all_objects) > 1:
+        coated = (m for m in scene.materials.values() if m.fresnel == "dielectric" and not any(m.kt))
+        several = bool(_absorbing(scene)) or any(coated)
     can_nest = several and any(scene.shape_of(o).closed for o in objects.values())
     return [address_of(n) for n in objects] if can_nest else []
+
+
+def _absorbing(scene: Scene) -> list[str]:
+    """Addresses of the transparent materials with absorption."""
+    return _materials(scene, lambda m: any(m.kt) and any(m.absorption))
+
+
+def _absorption(scene: Scene) -> list[str]:
+    """Addresses of the transparent materials with absorption; empty if light neither passes through them nor casts
+    coloured shadows."""
+    return _absorbing(scene) if scene.settings.depth or (scene.settings.shadows and _coloured(scene)) else []
+
+
+def _fresnel(scene: Scene) -> list[str]:
+    """Addresses of the materials with `fresnel` and with kr or kt; empty if settings.depth is 0."""
+    with_shares = _materials(scene, lambda m: m.fresnel != "none" and any((*m.kr, *m.kt)))
+    return with_shares if scene.settings.depth else []
 
 
 def _scatter(scene: Scene) -> list[str]:
@@ -216,8 +237,11 @@ RULES = (
          ("Ia", "ka", "intensity"), lambda s: s.settings.occlusion.near, "ambient"),
     Rule("reflection", _if_lit(lambda s: _with_share(s, "kr")), "no material has kr", ("kr",)),
     Rule("refraction", _if_lit(lambda s: _with_share(s, "kt")), "no material has kt", ("kt",)),
-    Rule("nested media", _if_lit(_nested), "no transparent solid is beside another transparent object", ("kt",),
-         needs="refraction"),
+    Rule("nested media", _if_lit(_nested), "no transparent solid is beside another transparent object",
+         ("kt", "absorption"), needs="refraction"),
+    Rule("fresnel", _if_lit(_fresnel), "no material with kr or kt has fresnel", ("kr", "kt"),
+         lambda s: any(m.fresnel != "none" for m in s.materials.values())),
+    Rule("absorption", _if_lit(_absorption), "no transparent material has absorption", ("absorption", "kt")),
     Rule("scatter", _if_lit(_scatter), "settings.scatter has no rays, or no material is matte", ("kd",),
          lambda s: s.settings.scatter.rays and s.settings.scatter.depth and _some_lit(s)),
     Rule("unlit", _if_lit(lambda s: _materials(s, lambda m: m.unlit)), "no material is unlit", ()),

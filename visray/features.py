@@ -121,8 +121,10 @@ def _ruled_out(name: str, scene: Scene, wrt: tuple[str, ...]) -> str | None:
     settings = scene.settings
     if name in ("shadows", "coloured shadows") and not settings.shadows:
         return "settings.shadows is false"
-    if name in ("reflection", "refraction", "nested media") and not settings.depth:
+    if name in ("reflection", "refraction", "nested media", "fresnel") and not settings.depth:
         return "settings.depth is 0"
+    if name == "absorption" and not settings.depth and not settings.shadows:
+        return "settings.depth is 0, and settings.shadows is false"
     if name == "defocus" and isinstance(scene.camera, OrthographicCamera):
         return "an orthographic camera has no lens"
     unlit = not modes.BY_NAME[settings.shading].lit

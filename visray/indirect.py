@@ -14,6 +14,16 @@ and for matte surfaces, with the cosine of the angle to the normal as weight in 
 
 `local` is the light that the surface sends without light from other surfaces (shading.py). Beyond the critical angle
 all refracted light is reflected instead, with weight kt.
+
+If the material has `fresnel`, with its share f (media.fresnel_share),
+
+    dielectric   I = (1 - f) (1 - kt) local + f kr reflected + (1 - f) kt refracted
+    metal        I = (1 - f) local + (kr + (1 - kr) f) reflected
+
+No more light leaves such a surface than arrives if kr, kt and the albedo of `local` are at most 1, and for a metal the
+sum of kr and this albedo. Beyond the critical angle f is 1, so that all light is reflected, with weight kr.
+
+Light that runs a length d in an absorbing medium is multiplied by exp(-absorption d) (media.transmitted).
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +36,16 @@ from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import KernelScene
-from visray.media import Interface, interface_at, local_weight, max_component
+from visray.media import (
+    Interface,
+    interface_at,
+    local_weight,
+    max_component,
+    mirror_normal,
+    reflected_share,
+    refracted_share,
+    transmitted,
+)
 from visray.ray import NO_ROW, Hit, Ray, unit
 from visray.sampling import SampleSet
 from visray.shading import shade
@@ -95,17 +114,19 @@ def bounce(
     j, starts: as in `scattered`
     """
     a, effects, m, asked = s.a, s.features, si.material, s.asked
-    kr = _strength(m.kr, "kr" in asked) if effects["reflection"] else a.F(0)
-    kt = _strength(m.kt, "kt" in asked) if effects["refraction"] else a.F(0)
+    of_mirror = reflected_share(si, interface) if effects["reflection"] else None
+    of_glass = refracted_share(si, interface) if effects["refraction"] else None
+    kr = _strength(of_mirror, "kr" in asked) if effects["reflection"] else a.F(0)
+    kt = _strength(of_glass, "kt" in asked) if effects["refraction"] else a.F(0)
     shiny, matte = kr + kt > 0, None
     if effects["scatter"]:
         matte = (max_component(m.kr) + max_component(m.kt) == 0) & (_strength(m.kd, "kd" in asked) > 0)
         matte = matte & (m.shading == 0) if effects["unlit"] else matte
-    n, face = _normal(si, ray)
+    n, face = mirror_normal(si)
     cosine = -dr.dot(n, ray.d)
     d, weight, through = ray.d + (2 * cosine) * n, dr.zeros(a.V, 1), a.B(False)
     if effects["reflection"]:
-        weight = m.kr
+        weight = of_mirror
     if effects["refraction"]:
         p_refract = dr.select(shiny, kt / (kr + kt), 0)
         refracts = kt > 0
@@ -116,7 +137,7 @@ def bounce(
         transmits = cos2_refracted > 0
         cos_refracted = dr.sqrt(dr.select(transmits, cos2_refracted, 0))
         refracted = interface.ratio * ray.d + (interface.ratio * cosine - cos_refracted) * n
-        weight = dr.select(refracts, m.kt / dr.select(refracts, p_refract, 1), weight)
+        weight = dr.select(refracts, of_glass / dr.select(refracts, p_refract, 1), weight)
         through = refracts & transmits
         d = dr.select(through, refracted, d)
         if (hidden := interface.hidden) is not None:
@@ -135,16 +156,6 @@ def bounce(
         result.alive & si.hit.valid & (_strength(result.weight, not asked.isdisjoint(("kr", "kt", "kd"))) > 0)
     )
     return Bounce(result.ray, result.weight, alive_and_lit, result.scattered)
-
-
-def _normal(si: Interaction, ray: Ray) -> tuple[Any, Any]:
-    """The normal at which a ray is reflected and refracted, and the normal of the surface itself, both in double and on
-    the side that the ray comes from."""
-    face = dr.select(si.from_inside, -si.surface.exact, si.surface.exact)
-    if si.face is None:
-        return face, face
-    n = dr.select(si.from_inside, -si.surface.shading, si.surface.shading)
-    return dr.select(dr.dot(n, ray.d) < 0, n, face), face
 
 
 def _either(use_x: Any, x: Bounce, y: Bounce) -> Bounce:
@@ -199,6 +210,8 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Inte
         hit = Hit(hit.t, dr.select(alive, hit.row, NO_ROW), hit.part)
         si = interact(s, ray, hit, first.sample.derived(1 + (0 if number is None else number) + (i << 16)))
         media = interface_at(s, si)
+        if (passed := transmitted(s, si, media)) is not None:
+            weight = weight * passed
         colour, own_weight = shade(s, si), local_weight(s, si, media)
         colour = dr.select(hit.valid, colour if own_weight is None else colour * own_weight, miss_radiance(s, ray.d))
         total = dr.select(alive, total + weight * colour, total)

@@ -106,6 +106,8 @@ def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tupl
         interface = media.interface_at(s, si)
         own_weight = media.local_weight(s, si, interface)
         colour = (colour if own_weight is None else colour * own_weight) + indirect.indirect(s, si, ray, interface)
+        passed = media.transmitted(s, si, interface)
+        colour = colour if passed is None else colour * passed
     sky = s.a.V(0) if s.transparent else indirect.background(s, ray.d)
     return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.coverage)
 

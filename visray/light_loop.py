@@ -15,6 +15,7 @@ from typing import Any
 import drjit as dr
 
 from visray.accel.intersect import Target, TintProduct, occluded, tint_of_row, tint_product
+from visray.accel.tint import Tint
 from visray.direct import DIMENSION, LightSample, rounding_of_point, to_area, to_far, to_point
 from visray.interaction import Interaction
 from visray.kernel_scene import KernelScene
@@ -54,7 +55,7 @@ def _steps(s: KernelScene, si: Interaction, steps: LightSteps, reflected: Callab
             hidden = occluded(si.origin, ray, target, arrives, s.brute_force)
             lit = LightSample(sample.l, sample.cosine, sample.arrives & ~hidden, sample.weight)
             return i + 1, row, product, dark, total + reflected(s, si, colours, lit)
-        tints, first = tuple((b.material.kt, b.material.dmax) for b in s.batches), row == 0
+        tints, first = tuple(map(Tint.of, s.batches)), row == 0
         new = tint_product(si.origin, ray, target, arrives & first, tints, s.brute_force)
         tint = TintProduct(*(dr.select(first, x, y) for x, y in ((new.product, product), (new.zeros, dark))))
         transmittance = dr.select(first, tint.whole(), 0) + _change(s, si, ray, target, arrives, tints, tint, row)

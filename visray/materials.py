@@ -13,6 +13,9 @@ RefractiveIndex = Annotated[
 ]
 # The fields that a palette colour can change.
 COLORED = ("ka", "kd", "ks", "kr", "kt")
+# How kr and kt depend on the angle. In kernels, the field `fresnel` is the place in this list.
+FRESNEL = ("none", "dielectric", "metal")
+DIELECTRIC, METAL = 1, 2
 
 
 def _once(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -29,7 +32,15 @@ class Material:
     `kr` is the share of light that a mirror reflects (for a metal, its ks). `kt` is the share of light that passes
     through, refracted by the index `ior`; the surface's own colour is then weighted with 1 - kt (settings.local). Light
     that passes through a solid on its way from a light to a surface is multiplied by kt (1 - min(d / dmax, 1)), where d
-    is the length of its way inside the solid. Where transparent solids overlap, the one with the higher `priority`
+    is the length of its way inside the solid. All light that runs a length d inside a solid is multiplied by
+    exp(-absorption d).
+
+    `fresnel` says how kr and kt depend on the angle. "none": not at all. "dielectric": kr is multiplied by F and kt by
+    1 - F, where F is the reflectance of an interface of the index `ior`; the own colour is weighted with (1 - F)
+    (1 - kt). "metal": kr is the reflectance of light that meets the surface at a right angle, and grows to 1 at grazing
+    angles (Schlick); the own colour is weighted with what kr has not taken.
+
+    Where transparent solids overlap, the one with the higher `priority`
     counts; of equal priorities, the one with the smaller volume. `texture` names a texture. Its colour replaces kd and
     multiplies ka, so that it shows in shadow too; with `textured` = "kd", ka is kept.
 
@@ -52,6 +63,8 @@ class Material:
     kt: Share = (0.0, 0.0, 0.0)
     ior: RefractiveIndex = 1.5
     dmax: Length = FARTHEST
+    absorption: Color = (0.0, 0.0, 0.0)
+    fresnel: Literal[FRESNEL] = "none"
     # It is no Quantity: kernels read the order of the solids, not the number.
     priority: Real = 0.0
     texture: Name | None = None

@@ -20,8 +20,10 @@ FIELD_READERS = {
     "shininess": ("specular",),
     "kr": ("reflection", "scatter"),
     "kt": ("refraction", "coloured shadows", "scatter"),
-    "ior": ("refraction",),
+    "ior": ("refraction", "fresnel"),
     "dmax": ("coloured shadows",),
+    "absorption": ("absorption",),
+    "fresnel": ("fresnel",),
     "shading": ("unlit",),
 }
 

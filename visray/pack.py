@@ -16,7 +16,7 @@ from visray.columns import Columns, Looks, Names, materials_of, sides
 from visray.data_columns import data_columns
 from visray.geometry import Frame
 from visray.lights.light import Light
-from visray.materials import Material
+from visray.materials import FRESNEL, Material
 from visray.primitives.csg_form import Leaf
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
@@ -116,9 +116,11 @@ def pack(scene: Scene, a: Arrays) -> Packed:
 
 
 def _material_table(a: Arrays, materials: list[Material]) -> Material:
-    """The materials as one record of arrays. `shading` is 1 for unlit materials and 0 for all others."""
+    """The materials as one record of arrays. `shading` is 1 for unlit materials and 0 for all others; `fresnel` is the
+    place in materials.FRESNEL."""
     unlit = a.put(a.F, np.array([m.unlit for m in materials], float))
-    return replace(stacked(a, Material, materials), shading=unlit)
+    fresnel = a.put(a.F, np.array([FRESNEL.index(m.fresnel) for m in materials], float))
+    return replace(stacked(a, Material, materials), shading=unlit, fresnel=fresnel)
 
 
 def bodies_of(scene: Scene, names: Iterable[str]) -> list[Body]:

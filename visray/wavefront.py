@@ -180,6 +180,8 @@ class Waves:
                 return (_wide(dr.select(hit.valid, colour, sky), n),), ()
             interface = media.interface_at(s, si)
             own_weight = media.local_weight(s, si, interface)
+            if (passed := media.transmitted(s, si, interface)) is not None:
+                weight = weight * passed
             colour = colour if own_weight is None else colour * own_weight
             colour = dr.select(hit.valid, colour, dr.select(first, sky, indirect.miss_radiance(s, d)))
             # All paths of a sample share its first surface.

@@ -19,8 +19,9 @@ from visray.accel.bvh_step import Certain
 from visray.accel.culling import CrossingBounds, TriangleGuard, point_rounding, touches
 from visray.accel.lists import RowLists
 from visray.accel.origin import Candidate, RayOrigin
-from visray.accel.ray_segment import RaySegment, occludes, passage
+from visray.accel.ray_segment import RaySegment, occludes
 from visray.accel.screening import any_hit, nearest
+from visray.accel.tint import tint_factors
 from visray.accel.traversal import Query, traverse
 from visray.batches import Batch
 from visray.geometry import gamma, l1_norm
@@ -162,14 +163,14 @@ def transmittance(
 
     A row that the ray both enters and leaves multiplies the transmittance by kt (1 - min(d / dmax, 1)), where d is the
     length of the ray inside the row. A row that the ray only enters, or only leaves, multiplies it by kt. Opaque rows
-    have kt = 0.
+    have kt = 0. A transparent row also multiplies it by exp(-absorption d), even if both ends of the ray are inside.
 
-    tints: (kt, dmax) for each batch, arrays with one entry per object.
+    tints: a Tint for each batch
     """
     a, tints = origin.a, detached(tints)
 
     def change(c: Candidate, segment: RaySegment, *state: Any) -> tuple:
-        hit, tint = _tint(origin, c, segment, None, tints)
+        hit, tint = tint_factors(origin, c, segment, None, tints)
         return tuple(dr.select(hit, old * k, old) for old, k in zip(state, tint))
 
     def dark(r: Any, g: Any, b: Any) -> Any:
@@ -177,20 +178,6 @@ def transmittance(
 
     start = tuple(dr.full(a.F, 1, _width(origin, ray)) for _ in range(3))
     return a.V(*_between(origin, ray, target, active, brute_force, start, change, dark))
-
-
-def _tint(
-    origin: RayOrigin, c: Candidate, segment: RaySegment, attached: RaySegment | None, tints: tuple
-) -> tuple[Any, tuple]:
-    """(mask of the rays that a row tints, the factors of the three channels).
-
-    attached: the segment with derivatives, which the factors then carry; None without derivatives by the segment
-    tints: as in `transmittance`
-    """
-    kt, dmax = rows(tints[c.batch], origin.batches[c.batch].object_at(c.row))
-    hit, passes_through, inside = passage(segment, attached)
-    share = origin.a.F(dr.select(passes_through, 1 - dr.minimum(inside / dmax, 1), 1))
-    return hit, tuple(k * share for k in kt)
 
 
 @dataclass(frozen=True)
@@ -222,7 +209,7 @@ def tint_product(
     a, tints = origin.a, detached(tints)
 
     def change(c: Candidate, segment: RaySegment, *state: Any) -> tuple:
-        hit, tint = _tint(origin, c, segment, None, tints)
+        hit, tint = tint_factors(origin, c, segment, None, tints)
         product = (dr.select(hit & (k != 0), old * k, old) for old, k in zip(state[:3], tint))
         zeros = (dr.select(hit & (k == 0), old + 1, old) for old, k in zip(state[3:], tint))
         return *product, *zeros
@@ -244,7 +231,7 @@ def tint_of_row(
     segments = _Segments(origin, ray, target)
     c = Candidate(batch, row, row + origin.batches[batch].first_row, True)
     segment = segments.of(c, *segments.begin())
-    hit, tint = _tint(origin, c, segment, segments.attached(c, segment), tints)
+    hit, tint = tint_factors(origin, c, segment, segments.attached(c, segment), tints)
     return hit & active & ~origin.never_rehit(c, segments.ray), origin.a.V(*tint)
 
 

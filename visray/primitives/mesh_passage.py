@@ -77,4 +77,4 @@ class Passage(MeshSearch):
         ends_inside = dr.select(starts_inside, a.F32(1), a.F32(0)) + balance > 0
         length += dr.select(ends_inside, self.end, 0) - dr.select(starts_inside, self.begin, 0)
         passes = hit & (on_start | ~starts_inside) & (on_end | ~ends_inside)
-        return hit, passes, dr.select(passes, dr.maximum(length, 0), 0)
+        return hit, passes, dr.maximum(length, 0)

@@ -223,10 +223,11 @@ def _disagreement(operand: Operand, material: Material, body: Operand, own: Mate
     if clear != own_clear:
         text = f"is {'' if clear else 'not '}transparent, unlike {of_body}; in one solid all materials are, or none is"
         return line(address, operand.material, text)
-    for field in ("ior", "dmax") if clear else ():
+    for field in ("ior", "dmax", "absorption") if clear else ():
         here, there = getattr(material, field), getattr(own, field)
         if here != there:
-            text = f"has the {field} {here:g}, and {of_body} has {there:g}; a transparent solid has one {field}"
+            here, there = (list(x) if isinstance(x, tuple) else f"{x:g}" for x in (here, there))
+            text = f"has the {field} {here}, and {of_body} has {there}; a transparent solid has one {field}"
             return line(address, operand.material, text)
     return None
 

@@ -80,6 +80,10 @@ MEANINGS: dict[type, dict[str, str]] = {
         "texture": "the name of one of the scene's textures, or null",
         "textured": "what the texture colours: it replaces kd and multiplies ka, or it only replaces kd",
         "colored": "the fields that a palette colour of a data layer changes: it replaces kd and multiplies the others",
+        "absorption": "light that runs a length d inside the solid is multiplied by exp(-absorption d); per world "
+        "unit, each from 0 to 1e9",
+        "fresnel": "how kr and kt depend on the angle. none: not at all; dielectric: as at glass and water of the "
+        "ior; metal: kr grows to 1 at grazing angles",
         "shading": "lit, or unlit: the surface shows kd or its texture as it is, whatever light falls on it",
         "back": "the name of the material of the side that the normal points away from, or null: the same one",
     },

@@ -14,6 +14,7 @@ import numpy as np
 from visray import integrator, pytree
 from visray.accel.intersect import Target, occluded, transmittance
 from visray.accel.origin import RayOrigin
+from visray.accel.tint import Tint
 from visray.batches import Batch
 from visray.direct import LightSample, area_light, light_sample
 from visray.interaction import Interaction, interact
@@ -163,7 +164,7 @@ def transmittances(ours: VisrayScene, traced: TracedRays, shadow_rays: ShadowRay
 
     active: mask of the lanes that matter, (N)
     """
-    materials = tuple((batch.material.kt, batch.material.dmax) for batch in ours.kernel.batches)
+    materials = tuple(map(Tint.of, ours.kernel.batches))
     return to_numpy(transmittance(*_search(ours, traced, shadow_rays, True), ours.a.B(active), materials))
 
 

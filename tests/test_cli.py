@@ -34,7 +34,7 @@ def test_render_writes_exr_and_png(tmp_path, capsys):
     exr, png = tmp_path / "a.exr", tmp_path / "a.png"
     code, out, err = said(capsys, "render", SPHERE, "-o", str(exr), "-o", str(png), *SMALL, "--seed", "3")
     assert (code, err) == (0, "")
-    assert "48 x 32, 4 spp" in out
+    assert f"{exr}, {png}: 48 x 32 pixels in " in out and out.endswith(" %, 4 samples per pixel\n")
     image = vr.Image.read(exr)
     direct = vr.render(SPHERE, size=(48, 32), spp=4, seed=3)
     # Half keeps eleven binary digits.

@@ -26,6 +26,16 @@ except ImportError:  # Windows
 LATE = 0.2
 
 
+# Whether standard output is for a picture alone, so that lines of reports go to standard error.
+_output_is_free = False
+
+
+def keep_output_free(free: bool) -> None:
+    """Says whether standard output is for a picture alone. Lines of reports then go to standard error."""
+    global _output_is_free
+    _output_is_free = free
+
+
 class _Unfailing(io.TextIOWrapper):
     """A text stream that drops what cannot be written: to a closed pipe, or to a full disk."""
 
@@ -163,8 +173,20 @@ def as_output(is_terminal: bool) -> Iterator[None]:
 
 
 def write_line(text: str) -> None:
-    """Writes a line of plain text to standard output."""
-    write(printable(text) + "\n")
+    """Writes a line of plain text to standard output; to standard error if the output is for a picture alone."""
+    (sys.stderr.write if _output_is_free else write)(printable(text) + "\n")
+
+
+def write_bytes(data: bytes) -> None:
+    """Writes bytes to standard output. Errors are those of `write`."""
+    try:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(data)
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise UserError(f"standard output: cannot be written, {error.strerror or error}") from error
 
 
 def write_json(report: Any) -> None:

@@ -28,7 +28,8 @@ class Forecast:
 
     def text(self) -> str:
         """The forecast as a sentence."""
-        return f"forecast: error {self.error:.2g} with {self.spp:.0f} samples per pixel, after {self.seconds:.1f} s"
+        error = f"an error of {100 * self.error:.2g} %" if self.error else "no noise is seen"
+        return f"forecast: {error} with {self.spp:.0f} samples per pixel, after {self.seconds:.1f} s"
 
 
 @dataclass

@@ -47,6 +47,7 @@ from visray.cli.picture_options import (
     parse_gamma,
 )
 from visray.cli.resuming import missing_frames, refuse_existing, say_how_to_go_on
+from visray.cli.standard_output import refuse
 from visray.errors import ClusterLost, MomentError, UserError
 from visray.progress import Bar, Interrupts
 from visray.terminal import kept_notes, write_json, write_line
@@ -119,6 +120,7 @@ def animate_command(
     with kept_notes() as notes:
         if resume and overwrite:
             raise UserError("--resume and --overwrite: keep the finished frames or replace them; leave one out")
+        refuse(output)
         changes = {"spp": spp, "size": parse_size(size), "seed": seed, "precision": precision}
         check_cluster(cluster)
         with Bar(f"reading {scene.name}", 1, not (quiet or json)):

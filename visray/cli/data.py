@@ -15,6 +15,7 @@ from visray.cli.describing import describe_table
 from visray.cli.options import Integer, Json, Seconds, Share, Threads, app, flag, parse_list, parse_size
 from visray.cli.picture_options import Preview, Quiet, Show, Time
 from visray.cli.showing import Showing
+from visray.cli.standard_output import is_aside, reserve
 from visray.errors import UserError
 from visray.leftovers import passing_folder
 from visray.terminal import write_line
@@ -132,6 +133,7 @@ def data_command(
         warnings.simplefilter("ignore")
     showing = Showing.of(show, preview, json)
     outputs = showing.outputs(output, [Path(file.stem + ".png")])
+    reserve(outputs, json=json, preview=showing.screen is not None)
     if save is not None:
         _check_save(save, file, outputs)
     edges = _parse_numbers("--extent", extent, "WEST,EAST,SOUTH,NORTH in degrees, such as -10,30,35,60", 4)
@@ -158,7 +160,7 @@ def data_command(
     if moves and showing:
         raise UserError("--show and --preview: show one picture; leave them out, and open the movie or the frames")
     for path in outputs:
-        if not moves:
+        if not (moves or is_aside(path)):
             check_destination(path)
         if map is not None and map.resolve() == path.resolve():
             raise UserError(f"{path}: is the picture of the map; write to another file")

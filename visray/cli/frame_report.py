@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from visray import clock
-from visray.cli.rendering import goal_met
+from visray.cli.picture_report import goal_met
 
 if TYPE_CHECKING:
     from visray.errors import UserError

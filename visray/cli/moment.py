@@ -1,5 +1,6 @@
 """The moment of an animated scene that a command shows, and the files for it."""
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,7 +36,9 @@ def files_at(scene: "Scene", outputs: list[Path], at: float | None) -> list[Path
     if not patterns:
         return outputs
     if scene.animation is None:
-        raise UserError(f"{patterns[0]}: # is for numbers of frames, and nothing moves in the scene; leave it out")
+        still = re.sub(r"[._-]?#+", "", patterns[0].stem) or "picture"
+        right = patterns[0].with_name(still + patterns[0].suffix)
+        raise UserError(f"{patterns[0]}: # is for numbers of frames, and nothing moves in the scene; write {right}")
     number = frame_at(scene.animation, at or 0.0)
     if number is None:
         raise UserError(f"{patterns[0]}: # is for the number of a frame, and at {at:g} s there is none; give --frame")

@@ -65,7 +65,8 @@ Outputs = Annotated[
     list[Path],
     Parameter(
         name=("--output", "-o"),
-        help="A .exr or .png file. May be given more than once. Default: the name of the scene, as both.",
+        help="A .exr or .png file; - writes a PNG file to standard output, and -.exr an EXR file. May be given more "
+        "than once. Default: the name of the scene, as both.",
         show_default=False,
     ),
 ]
@@ -148,8 +149,8 @@ def parse_list(text: str) -> tuple[str, ...]:
 
 
 def write_or_print(text: str, path: Path | None) -> None:
-    """Writes a text to a file, or prints it if `path` is None."""
-    if path is None:
+    """Writes a text to a file, or prints it if `path` is None or -."""
+    if path is None or str(path) == "-":
         terminal.write(text)
         return
     commented = _has_comments(path)

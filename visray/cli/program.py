@@ -37,6 +37,7 @@ def main(tokens: list[str] | None = None) -> int:
     tokens: the words of the command; None means those of the command line.
     """
     terminal.open_streams()
+    terminal.keep_output_free(False)
     if "visray.progress" in sys.modules:
         sys.modules["visray.progress"].Interrupts.last = None
     with _Stop.caught() as stop, watched(INTERRUPTED):

@@ -1,12 +1,8 @@
-"""The command `visray render`: its options, its help, and its reports.
-
-Facts are the metadata of a rendered Image: how it was made, and how large its error is.
-"""
+"""The command `visray render`: its options and its help."""
 
 import warnings
 from dataclasses import replace
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -54,7 +50,9 @@ from visray.cli.picture_options import (
     needed_layers,
     parse_gamma,
 )
+from visray.cli.picture_report import goal_met, line, report
 from visray.cli.showing import Showing
+from visray.cli.standard_output import files_for, is_aside, reserve
 from visray.errors import CheckpointWarning, UserError
 from visray.output.layers import names_from
 from visray.progress import Bar, Interrupts
@@ -64,42 +62,6 @@ from visray.warn import warn
 if TYPE_CHECKING:
     from visray.output.image import Image
     from visray.scene.scene import Scene
-
-# The facts that --json reports: for every picture, for pictures with --error or --time, and for pictures of polynomial
-# surfaces or tori.
-FACTS = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads", "error_at_most")
-ADAPTIVE_FACTS = (
-    "sampler", "spp_least", "spp_most", "error", "error_low", "error_high", "depth_error", "file_error", "error_asked",
-    "time_asked", "time_missed", "unseen_error", "unseen", "small_object_pixels", "forecast_error", "forecast_spp",
-    "forecast_seconds",
-)  # fmt: skip
-CERTIFICATE_FACTS = ("unresolved", "residual_ulps")
-
-
-def summary_of_samples(facts: dict[str, Any]) -> str:
-    """Samples per pixel and the error of a picture, as a part of a sentence."""
-    stopped = ", stopped" if facts["interrupted"] else ""
-    if "error" not in facts:
-        # The bound is the error of independent samples. Other samplers have a smaller error; how much is not known.
-        bound = "" if facts["sampler"] == "independent" else "below "
-        error = f", error {bound}{facts['error_at_most']:.2g}" if "error_at_most" in facts else ""
-        return f"{facts['spp']} spp" + (f" of {facts['spp_asked']}" if stopped else "") + stopped + error
-    low, high = (f"{facts[f'error_{end}']:.3g}" for end in ("low", "high"))
-    parts = {"depth": facts["depth_error"], "the file's rounding": facts["file_error"]}
-    # The squares of errors add up. So a part below a fifth of the whole error changes it by about 2 % and is not shown.
-    largest = "".join(f", {x:.2g} of it by {name}" for name, x in parts.items() if x > 0.2 * facts["error"])
-    # The upper end of the interval is the root of a sum of squares, too.
-    if facts.get("unseen_error", 0.0) > 0.2 * facts["error_high"]:
-        largest += f", {facts['unseen_error']:.2g} in case that no sample met {facts['unseen']}"
-    above = "" if goal_met(facts) else f", above the {facts['error_asked']:g} asked"
-    mean = f"{facts['spp']:,.0f}" if facts["spp"] >= 100 else f"{facts['spp']:.3g}"
-    spp = f"{mean} spp ({facts['spp_least']:,} to {facts['spp_most']:,} in a pixel){stopped}"
-    return f"{spp}, error {facts['error']:.3g} (95 %: {low} to {high}{largest}){above}"
-
-
-def goal_met(facts: dict[str, Any]) -> bool:
-    """Whether the error is as small as the user asked for. True if no error was asked for."""
-    return facts.get("error_high", 0.0) <= facts.get("error_asked", inf)
 
 
 def check_legend(scene: "Scene", path: Path | None) -> None:
@@ -177,8 +139,9 @@ def render_command(
         changes = {"spp": spp, "size": parse_size(size), "seed": seed, "precision": precision}
         check_cluster(cluster)
         showing = showing or Showing.of(show, preview, json)
-        outputs = showing.outputs(output, [Path(scene.stem + suffix) for suffix in (".exr", ".png")])
-        if not outputs and (checkpoint or resume):
+        asked = showing.outputs(output, [Path(scene.stem + suffix) for suffix in (".exr", ".png")])
+        reserve(asked, json=json, preview=showing.screen is not None)
+        if (not asked or is_aside(asked[0])) and (checkpoint or resume):
             raise UserError("--checkpoint and --resume: the samples are kept beside the picture; give its file with -o")
         with Bar(f"reading {scene.name}", 1, not (quiet or json)):
             loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)
@@ -191,83 +154,55 @@ def render_command(
 
         Goal.from_arguments(error, time, spp, begun)
         at = moment(loaded, at, frame)
-        outputs = files_at(loaded, outputs, at)
-        names, curve = needed_layers(layers, outputs), parse_gamma(gamma)
-        for path in outputs:
-            check_destination(path, curve, exposure)
-            check_unused(path)
-        check_legend(loaded, legend)
-        with held(checkpoint_path(outputs) if checkpoint or resume else None, resume) as kept_samples:
-            image = render(
-                loaded,
-                threads=threads,
-                backend=backend,
-                layers=names,
-                progress=not (quiet or json),
-                error=error,
-                time=time,
-                files=Files(outputs, curve, exposure, float32),
-                begun=clock.LOADED,
-                legend=legend is not None or not no_legend,
-                checkpoint=kept_samples,
-                at=at,
-                cluster=cluster,
-            )
-            if image.metadata["interrupted"] and kept_samples is None and time is None:
-                text = "its samples are not kept; with --checkpoint, --resume would go on"
-                warn(f"{[*outputs, scene][0]}: {text}", CheckpointWarning)
-            # While the files are written, Ctrl-C does not stop the program.
-            with Interrupts():
-                results = [kept(legend, partial(image.legend().write, gamma=curve))] if legend else []
-                image = without_legend(image) if no_legend else image
-                write = partial(image.write, gamma=curve, exposure=exposure, float32=float32)
-                results += [kept(path, write) for path in outputs]
-            if problems := [line for _, lines in results for line in lines]:
-                raise UserError(*problems)
-    facts, written, outputs = image.metadata, len(outputs), [*outputs, *([legend] if legend else [])]
+        asked = files_at(loaded, asked, at)
+        with files_for(asked) as outputs:
+            names, curve = needed_layers(layers, outputs), parse_gamma(gamma)
+            for path in outputs:
+                check_destination(path, curve, exposure)
+                check_unused(path)
+            check_legend(loaded, legend)
+            with held(checkpoint_path(outputs) if checkpoint or resume else None, resume) as kept_samples:
+                image = render(
+                    loaded,
+                    threads=threads,
+                    backend=backend,
+                    layers=names,
+                    progress=not (quiet or json),
+                    error=error,
+                    time=time,
+                    files=Files(outputs, curve, exposure, float32),
+                    begun=clock.LOADED,
+                    legend=legend is not None or not no_legend,
+                    checkpoint=kept_samples,
+                    at=at,
+                    cluster=cluster,
+                )
+                if image.metadata["interrupted"] and kept_samples is None and time is None:
+                    text = "its samples are not kept; with --checkpoint, --resume would go on"
+                    warn(f"{[*asked, scene][0]}: {text}", CheckpointWarning)
+                # While the files are written, Ctrl-C does not stop the program.
+                with Interrupts():
+                    results = [kept(legend, partial(image.legend().write, gamma=curve))] if legend else []
+                    image = without_legend(image) if no_legend else image
+                    write = partial(image.write, gamma=curve, exposure=exposure, float32=float32)
+                    results += [kept(path, write) for path in outputs]
+                if problems := [line for _, lines in results for line in lines]:
+                    raise UserError(*problems)
+    facts, outputs = image.metadata, [*asked, *([legend] if legend else [])]
     found = kept_samples.found if kept_samples else None
     # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)
     if json:
         all_notes = [*(more or {}).get("notes", ()), *notes]
-        write_json((more or {}) | _report(image, outputs, seconds) | {"found_spp": found, "notes": all_notes})
+        write_json((more or {}) | report(image, outputs, seconds) | {"found_spp": found, "notes": all_notes})
     else:
         showing.in_terminal(image, curve, exposure)
         if not quiet:
-            not_saved = "" if written else f"; not saved: -o {scene.stem}.png writes it"
-            write_line(_line(image, outputs or [Path(scene.stem)], seconds, found) + not_saved)
-    shown = showing.in_window(image, outputs[:written], scene.stem, curve, exposure)
+            not_saved = "" if asked else f"; not saved: -o {scene.stem}.png writes it"
+            write_line(line(image, outputs or [Path(scene.stem)], seconds, found) + not_saved)
+    shown = showing.in_window(image, [path for path in asked if not is_aside(path)], scene.stem, curve, exposure)
     if shown and not (quiet or json):
         say(f"shown from {shown}; if no window comes, open this file")
     if facts["interrupted"]:
         return INTERRUPTED
     return 0 if goal_met(facts) or time is not None else 1
-
-
-def _report(image: "Image", outputs: list[Path], seconds: float) -> dict[str, Any]:
-    """The report of a render for --json, as a dict.
-
-    outputs: paths of the files written. seconds: duration of the render.
-    """
-    facts = image.metadata
-    return (
-        {"outputs": [str(path) for path in outputs], "width": image.width, "height": image.height}
-        | {key: facts[key] for key in (*FACTS, *CERTIFICATE_FACTS, *ADAPTIVE_FACTS) if key in facts}
-        | {"layers": list(image.layers), "seconds": seconds, "stopped": bool(facts["interrupted"])}
-    )
-
-
-def _line(image: "Image", outputs: list[Path], seconds: float, found: float | None) -> str:
-    """The report of a render, as one line of text.
-
-    outputs: paths of the files written, or the name of a picture that is only shown. seconds: duration of the render.
-    found: samples per pixel of the checkpoint with which the render went on, or None.
-    """
-    facts = image.metadata
-    names = ", ".join(str(path) for path in outputs)
-    begun = "" if found is None else f", {found:.3g} spp of them found in the checkpoint"
-    line = f"{names}: {image.width} x {image.height}, {summary_of_samples(facts)}{begun}, {seconds:.2f} s"
-    if "residual_ulps" in facts:
-        residual = f"residual {facts['residual_ulps']:.2g} ulp at most" if facts["residual_ulps"] else "none seen"
-        line += f"; roots: {facts['unresolved']} unresolved, {residual}"
-    return line

@@ -14,6 +14,7 @@ from visray import clock
 from visray.cli.options import Integer, Json, Settings, Share, Threads, app, flag, parse_size
 from visray.cli.picture_options import Preview, Quiet, Show, Time
 from visray.cli.showing import Showing
+from visray.cli.standard_output import is_aside, reserve
 from visray.cli.view import Host, NoBrowser, Port, check_live, show_live
 from visray.errors import UserError
 from visray.hints import similar
@@ -95,6 +96,7 @@ def surface_command(
     colors = [_parse_triple(option, text, "0.8,0.3,0.1") for option, text in texts.items()]
     direction, film = _parse_triple("--from", towards, "1,-2,1"), parse_size(size)
     showing = Showing.of(show, preview, json)
+    reserve(output, json=json, preview=showing.screen is not None)
     from visray.output.files import check_writable, write_text
 
     if save is not None:
@@ -117,7 +119,8 @@ def surface_command(
     if view:
         check_live(host, port)
     for path in output:
-        check_destination(path)
+        if not is_aside(path):
+            check_destination(path)
     recipe = Recipe(formula, numbers, Wishes(film or SIZE, clip, direction, *colors), tuple(set))
     with Bar("looking at the surface", 1, not (quiet or json)):
         scene, made = recipe.picture()

@@ -130,6 +130,9 @@ LOOKS = {
     "metal": Material(ka=(0, 0, 0), kd=(0, 0, 0), ks=(0.9, 0.9, 0.9), kr=(0.8, 0.8, 0.8), colored=("ks", "kr")),
     "glass": Material(kd=(0.02, 0.02, 0.02), kt=(0.9, 0.9, 0.9), colored=("kt", "ks"), ks=(0.4, 0.4, 0.4)),
     "sign": Material(shading="unlit", ka=(0, 0, 0)),
+    "following": Material(kd=(0.3, 0.6, 0.9)),
+    "following, only kd": Material(kd=(0.3, 0.6, 0.9), colored=("kd",)),
+    "following, only ka": Material(kd=(0.3, 0.6, 0.9), colored=("ka",)),
 }
 
 

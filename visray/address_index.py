@@ -127,7 +127,7 @@ class AddressIndex:
         if head == "camera":
             table, row, field, rest = packed.camera, 0, name, parts[2:]
         elif head == "materials":
-            table, row, rest = packed.materials, list(materials_of(self.scene)).index(name), parts[3:]
+            return self._of_material(address, name, field, parts[3:])
         elif head in ("objects", "geometries"):
             return self._of_shape(getattr(self.scene, head)[name], address, parts[2:])
         elif head == "data":
@@ -144,6 +144,23 @@ class AddressIndex:
         if field not in quantities(type(table)):
             raise UserError(f"{address}: has no derivative; those of {head} are {', '.join(quantities(type(table)))}")
         return Slot.at((getattr(table, field),), row, int(rest[0]) if rest else None)
+
+    def _of_material(self, address: str, name: str, field: str, rest: list[str]) -> Slot:
+        """The place of a number of a material. A kd that is the ambient colour too is stored twice.
+
+        name, field, rest: parts of the address behind the section
+        """
+        materials, table = materials_of(self.scene), self.packed.materials
+        if field not in quantities(type(table)):
+            known = ", ".join(quantities(type(table)))
+            raise UserError(f"{address}: has no derivative; those of materials are {known}")
+        if getattr(materials[name], field) is None:
+            raise UserError(
+                f"{address}: has no derivative of its own, as ka follows kd; name kd, or write numbers in ka"
+            )
+        names = ("kd", "ka") if field == "kd" and materials[name].ka_is_kd else (field,)
+        arrays = tuple(getattr(table, x) for x in names)
+        return Slot.at(arrays, list(materials).index(name), int(rest[0]) if rest else None)
 
     def _of_row(self, address: str, parts: list[str]) -> Slot:
         """The place of a number of a row of a data layer. Raises UserError if the address is another one.

@@ -55,7 +55,7 @@ def _of_layer(scene: Scene, a: Arrays, name: str, rows: Rows, first: int) -> Ite
         object_of=None,
         **sides(scene, a, [(rows.material, kind.v_ends)], len(rows)),
         object=a.put(a.U, _objects(rows.number, first)),
-        color=RowColors.of(a, rows, materials_of(scene)[rows.material].colored),
+        color=RowColors.of(a, rows, materials_of(scene)[rows.material]),
     )
 
 
@@ -68,7 +68,7 @@ def _of_bodies(scene: Scene, a: Arrays, name: str, bodies: GizmoBodies, first: i
     shown = {key: gathered(x, repeated) for key, x in sides(scene, a, bodies.materials()).items()}
     colors = None
     if bodies.colored:
-        colors = RowColors.of(a, rows, materials_of(scene)[rows.material].colored, own)
+        colors = RowColors.of(a, rows, materials_of(scene)[rows.material], own)
     return Columns(
         kind=bodies.kind,
         names=Names(prefix=f"data.{name}.", numbers=number),

@@ -41,6 +41,8 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
         raise UserError(f"step = {shown(step)}: must be a finite number above 0, such as 1e-6")
     scene = still_at(adjusted(scene, precision="double", spp=spp), None)
     value = addresses.value(scene, address)
+    if value is None:
+        raise UserError(f"{address}: is null, so that there is no number of its own to change")
     value = np.array(value.values if isinstance(value, NumberTable) else value, float)
     step_size = step * max(1.0, float(np.max(np.abs(value))))
 

@@ -52,21 +52,22 @@ PASSING_ON = ("reflection", "refraction", "nested media", "fresnel", "absorption
 def used_materials(scene: Scene) -> dict[str, Material]:
     """Materials that at least one object or operand has, on its front or its back, as a dict by name.
 
-    A material that rows of data have in colours is here with the largest numbers that it has in any of them.
+    A material that rows of data have in colours is here with the largest numbers that it has in any of them. All are
+    here with numbers in `ka` (Material.resolved).
     """
     known = {"default": Material()} | scene.materials
     fronts = {name for obj in scene.representatives.values() for name in scene.materials_of(obj)}
     backs = {m.back for n, m in known.items() if n in fronts}
     materials = {n: m for n, m in known.items() if n in fronts | backs}
     if scene.data is None:
-        return materials
+        return {n: m.resolved for n, m in materials.items()}
     layers = [rows for rows in scene.data.rows.values() if len(rows)]
     coloured = [rows for rows in layers if rows.color is not None]
     plain = {name for obj in scene.written_objects.values() for name in scene.materials_of(obj)} | backs
     # The colours of rows change what has the material of the layer, not operands that name one, even the same one.
     gizmos = [x.object(0) if x.color is None else x.object(0).with_fields(material=ROW_MATERIAL) for x in layers]
     plain |= {m for obj in gizmos for m in scene.materials_of(obj)}
-    looks = {name: [m] if name in plain else [] for name, m in materials.items()}
+    looks = {name: [m.resolved] if name in plain else [] for name, m in materials.items()}
     for rows in coloured:
         looks[rows.material].append(materials[rows.material].with_color(rows.color.max(1)))
     return {name: _largest(looks[name]) for name in materials}

@@ -98,21 +98,28 @@ class Features:
         return [f.name for f in self.listed if f.on]
 
 
-def _first_with_field(fields: tuple[str, ...], wrt: tuple[str, ...]) -> str | None:
-    """First address in `wrt` that ends in one of the fields or in a component of one, or None if there is none.
+# Addresses by which derivatives are asked for, such as "materials.red.kd.0", each with the names of the fields that
+# depend on it, such as kd and ka.
+Wrt = dict[str, tuple[str, ...]]
+
+
+def _fields_of(address: str, scene: Scene) -> tuple[str, ...]:
+    """Names of the fields that depend on the number at an address. scene: with the materials as they are written"""
+    parts = [*address.split("."), "", ""]
+    field = parts[{"materials": 2, "lights": 2, "camera": 1}.get(parts[0], 0)]
+    material = scene.materials.get(parts[1]) if parts[0] == "materials" else None
+    return ("kd", "ka") if field == "kd" and material is not None and material.ka_is_kd else (field,)
+
+
+def _first_with_field(fields: tuple[str, ...], wrt: Wrt) -> str | None:
+    """First address in `wrt` on which one of the fields depends, or None if there is none.
 
     fields: names of fields, such as "kd".
-    wrt: addresses by which derivatives are asked for, such as "materials.red.kd.0".
     """
-
-    def field(address: str) -> str:
-        parts = [*address.split("."), "", ""]
-        return parts[{"materials": 2, "lights": 2, "camera": 1}.get(parts[0], 0)]
-
-    return next((w for w in wrt if field(w) in fields), None)
+    return next((w for w, own in wrt.items() if not set(own).isdisjoint(fields)), None)
 
 
-def _ruled_out(name: str, scene: Scene, wrt: tuple[str, ...]) -> str | None:
+def _ruled_out(name: str, scene: Scene, wrt: Wrt) -> str | None:
     """Reason why a setting of the scene switches an effect off, or None if no setting does. Such a setting counts even
     with `everything`.
 
@@ -140,7 +147,7 @@ def _ruled_out(name: str, scene: Scene, wrt: tuple[str, ...]) -> str | None:
     return None
 
 
-def _feature(rule: Rule, scene: Scene, wrt: tuple[str, ...], everything: bool) -> Feature:
+def _feature(rule: Rule, scene: Scene, wrt: Wrt, everything: bool) -> Feature:
     """The Feature that a rule gives for a scene. The rule's `needs` and the argument `without` of `features` are not
     considered here.
 
@@ -170,6 +177,7 @@ def features(
     without: names of effects to leave out although the scene needs them, so that their cost can be measured. Effects
         that refine a left-out effect are left out too.
     """
+    asked = {w: _fields_of(w, scene) for w in wrt}
     # The materials in use are found once, not by each rule, since there may be very many objects.
     scene = replace(scene, materials=used_materials(scene))
     largest = max([m.shininess for m in scene.materials.values()], default=0)
@@ -177,7 +185,7 @@ def features(
     bits = max(8, 4 * -(-int(largest).bit_length() // 4))
     by_name: dict[str, Feature] = {}
     for rule in RULES:
-        feature = _feature(rule, scene, wrt, everything)
+        feature = _feature(rule, scene, asked, everything)
         if {rule.name, rule.needs} & set(without):
             feature = Feature(rule.name, False, "left out")
         elif feature.on and rule.needs and not by_name[rule.needs].on:

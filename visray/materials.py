@@ -27,7 +27,8 @@ def _once(names: tuple[str, ...]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """Blinn-Phong coefficients: ambient `ka`, diffuse `kd`, specular `ks`, and the exponent `shininess`.
+    """Blinn-Phong coefficients: ambient `ka`, diffuse `kd`, specular `ks`, and the exponent `shininess`. Without a `ka`
+    of its own, a material reflects ambient light as it reflects other light: by kd, or by the colour of its texture.
 
     `kr` is the share of light that a mirror reflects (for a metal, its ks). `kt` is the share of light that passes
     through, refracted by the index `ior`; the surface's own colour is then weighted with 1 - kt (settings.local). Light
@@ -55,7 +56,8 @@ class Material:
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    ka: Color = (0.1, 0.1, 0.1)
+    # The mark of the colour is outside of the union, so that ka is a quantity (quantities.quantities).
+    ka: Annotated[Color | None, Quantity(3, "shading", "linear Rec. 709, each >= 0; null: as kd")] = None
     kd: Color = (0.7, 0.7, 0.7)
     ks: Color = (0.0, 0.0, 0.0)
     shininess: Factor = 32.0
@@ -79,6 +81,23 @@ class Material:
         return self.texture is not None and self.textured == "kd"
 
     @property
+    def resolved(self) -> "Material":
+        """The material with numbers in `ka`. Where a texture takes the place of kd and multiplies ka, these are 1."""
+        if self.ka is not None:
+            return self
+        return replace(self, ka=(1.0, 1.0, 1.0) if self.texture is not None and not self.keeps_ka else self.kd)
+
+    @property
+    def ka_is_kd(self) -> bool:
+        """Whether kd is the ambient colour too, so that it reaches the ambient light of the picture."""
+        return self.ka is None and (self.texture is None or self.keeps_ka)
+
+    @property
+    def replaced(self) -> tuple[str, ...]:
+        """Names of the fields whose place a palette colour takes: kd, and with it a ka that follows."""
+        return ("ka", "kd") if self.ka is None and {"ka", "kd"} <= {*self.colored} else ("kd",)
+
+    @property
     def unlit(self) -> bool:
         """Whether the surface shows kd as it is, whatever light falls on it."""
         return self.shading == "unlit"
@@ -90,15 +109,15 @@ class Material:
         return not self.unlit and not any((*self.kr, *self.kt)) and (any(self.kd) or self.texture is not None)
 
     def with_color(self, color: tuple[float, float, float]) -> "Material":
-        """The material with a palette colour in the fields `colored`: it replaces kd and multiplies the others.
+        """The material with a palette colour in the fields `colored`: it replaces kd and a ka that follows, and
+        multiplies the others.
 
         color: linear Rec. 709
         """
         rgb = tuple(float(x) for x in color)
-        own = {name: getattr(self, name) for name in self.colored}
-        return replace(
-            self, **{name: rgb if name == "kd" else tuple(np.multiply(x, rgb).tolist()) for name, x in own.items()}
-        )
+        own = {name: getattr(self.resolved, name) for name in self.colored}
+        new = {name: rgb if name in self.replaced else tuple(np.multiply(x, rgb).tolist()) for name, x in own.items()}
+        return replace(self.resolved, **new)
 
     def color_flaw(self) -> str | None:
         """Why a palette colour would not be seen in the material, as the end of a sentence; None if it is seen."""
@@ -111,11 +130,11 @@ class Material:
         return None
 
 
-def colored(table: Material, color: Any, names: tuple[str, ...]) -> Material:
+def colored(table: Material, color: Any, names: tuple[str, ...], replaced: tuple[str, ...] = ("kd",)) -> Material:
     """The materials of a table with palette colours, as `Material.with_color` gives them; with derivatives.
 
     table: Dr.Jit arrays with one entry for each row
     color: a colour for each row
-    names: the field `colored` of all these materials
+    names, replaced: the fields `colored` and `replaced` of all these materials
     """
-    return replace(table, **{name: color if name == "kd" else getattr(table, name) * color for name in names})
+    return replace(table, **{name: color if name in replaced else getattr(table, name) * color for name in names})

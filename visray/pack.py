@@ -120,7 +120,7 @@ def _material_table(a: Arrays, materials: list[Material]) -> Material:
     place in materials.FRESNEL."""
     unlit = a.put(a.F, np.array([m.unlit for m in materials], float))
     fresnel = a.put(a.F, np.array([FRESNEL.index(m.fresnel) for m in materials], float))
-    return replace(stacked(a, Material, materials), shading=unlit, fresnel=fresnel)
+    return replace(stacked(a, Material, [m.resolved for m in materials]), shading=unlit, fresnel=fresnel)
 
 
 def bodies_of(scene: Scene, names: Iterable[str]) -> list[Body]:

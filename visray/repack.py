@@ -70,7 +70,10 @@ def _structure(scene: Scene) -> tuple:
     lights = [(name, type(light)) for name, light in scene.lights.items()]
     return (
         lights,
-        [(name, m.texture, m.textured, m.colored, m.back) for name, m in materials_of(scene).items()],
+        [
+            (name, m.texture, m.textured, m.colored, m.back, scene.data is not None and m.replaced)
+            for name, m in materials_of(scene).items()
+        ],
         BatchKeys(scene).transparent if any(isinstance(x, Mesh) for x in scene.bodies.values()) else None,
         {name: list(bodies) for name, bodies in scene.unions.items()},
         isinstance(scene.background, SkyGradient),

@@ -22,7 +22,7 @@ LATITUDES = (-45.0, 50.0)
 SPREAD = 0.1
 # The place that a camera looks at then: more people live on this side of the earth than on the other.
 POPULATED = (30.0, 35.0)
-# Share of its kd that is the ka of a map: under the lights of fitting.py, a surface that faces upwards then has nearly
+# Ambient light over a map: under the lights of fitting.py, a surface that faces upwards then has nearly
 # its own colour, as in a legend.
 AMBIENT = 0.3
 

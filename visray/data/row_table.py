@@ -10,7 +10,7 @@ import numpy as np
 from visray.data.gizmos import CONSTANT, Fields
 from visray.data.rows import Rows, finite
 from visray.geometry import Frame
-from visray.materials import colored
+from visray.materials import Material, colored
 from visray.primitives.primitive import Bounds
 from visray.pytree import leaves
 from visray.quantities import Arrays, quantities, record
@@ -101,16 +101,17 @@ class RowColors:
     color: the colours
     value: the numbers of the rows that they come from, in units of the data; None if all have one colour
     slope: function that returns the derivatives of the colours by the values
-    fields: names of the fields of the material that the colours change
+    fields, replaced: names of the fields of the material that the colours change, and of those whose place they take
     """
 
     color: Any
     value: Any
     slope: Callable[[], Any]
     fields: tuple[str, ...]
+    replaced: tuple[str, ...]
 
     @staticmethod
-    def of(a: Arrays, rows: Rows, fields: tuple[str, ...], repeats: int = 1) -> "RowColors | None":
+    def of(a: Arrays, rows: Rows, material: Material, repeats: int = 1) -> "RowColors | None":
         """The colours of the rows of a layer, each so many times; None if they have that of the material."""
         if rows.color is None:
             return None
@@ -120,7 +121,8 @@ class RowColors:
 
         value = rows.values.get("color")
         value = None if value is None else put(a.D, value)
-        return RowColors(put(a.V, rows.color), value, lambda: put(a.V, finite(rows.slopes["color"])), fields)
+        names = material.colored, material.replaced
+        return RowColors(put(a.V, rows.color), value, lambda: put(a.V, finite(rows.slopes["color"])), *names)
 
     def now(self) -> Any:
         """The colours, with derivatives if the values are attached. The numbers are the same bit for bit."""
@@ -136,9 +138,10 @@ class RowColors:
         row: for each entry the row whose colour it gets, or NO_ROW; None: entry i gets that of row i
         """
         if row is None:
-            return colored(material, self.now(), self.fields)
+            return colored(material, self.now(), self.fields, self.replaced)
         has_row = row != NO_ROW
         color = self.now()
-        new = colored(material, dr.gather(type(color), color, dr.select(has_row, row, 0)), self.fields)
+        of_lane = dr.gather(type(color), color, dr.select(has_row, row, 0))
+        new = colored(material, of_lane, self.fields, self.replaced)
         chosen = {name: dr.select(has_row, getattr(new, name), getattr(material, name)) for name in self.fields}
         return replace(material, **chosen)

@@ -95,16 +95,16 @@ def data_picture(source: str | TableValue, wishes: Wishes, map_path: str) -> Dat
 def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str, animation: Animation | None) -> Scene:
     """The scene of the data. texture: path of the map's picture. animation: of the scene"""
     width, height = wishes.size
-    ambient = (fit.AMBIENT,) * 3
     plain = ONE_COLOUR if rows.color is None else (1.0, 1.0, 1.0)
     materials = {
-        BASE_MATERIAL: Material(ka=ambient, kd=(1.0, 1.0, 1.0), texture=TEXTURE),
-        DATA_MATERIAL: Material(ka=tuple(fit.AMBIENT * x for x in plain), kd=plain),
+        BASE_MATERIAL: Material(kd=(1.0, 1.0, 1.0), texture=TEXTURE),
+        DATA_MATERIAL: Material(kd=plain),
     }
     wrap = ("repeat", "clamp") if isinstance(data.base, GlobeBase) else "clamp"
     scene = Scene(
         film=Film(width=width, height=height),
         background=fitting.PAPER,
+        ambient=(fit.AMBIENT,) * 3,
         textures={TEXTURE: ImageTexture(file=texture, wrap=wrap)},
         materials=materials,
         data=data,

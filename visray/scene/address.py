@@ -141,6 +141,8 @@ def _numeric(node: Any, prefix: str) -> list[tuple[str, Quantity]]:
     own, result = quantities(type(node)), []
     for f in fields(node):
         part = getattr(node, f.name)
+        if part is None:
+            continue  # a ka that follows kd, for example, has no numbers of its own
         quantity = own.get(f.name) or _quantity_in_union(f.type, part)
         result += [(prefix + f.name, quantity)] if quantity else _numeric(part, f"{prefix}{f.name}.")
     return result

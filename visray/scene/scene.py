@@ -149,7 +149,7 @@ class Scene:
     camera: Camera = field(default_factory=cameras.Camera)
     film: Film = field(default_factory=Film)
     background: SkyGradient | Color = SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
-    ambient: Color = (1.0, 1.0, 1.0)
+    ambient: Color = (0.2, 0.2, 0.2)
     textures: dict[Name, Texture] = field(default_factory=dict)
     materials: dict[Name, Material] = field(default_factory=dict)
     lights: dict[Name, Light] = field(default_factory=dict)

@@ -24,7 +24,7 @@ class SurfaceColours:
 
     def __init__(self, scene: Scene, names: tuple[str, ...]):
         sides = [scene.sides_of(scene.objects[name].material) for name in names]
-        materials_of_objects = [scene.material(name) for side in zip(*sides) for name in side]
+        materials_of_objects = [scene.material(name).resolved for side in zip(*sides) for name in side]
         self.count = len(names)
         self.kd, self.ka = (
             np.array([getattr(m, field) for m in materials_of_objects] + [(0, 0, 0)], float) for field in ("kd", "ka")

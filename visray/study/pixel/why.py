@@ -178,7 +178,7 @@ class _Walk:
         """
         scene = self.prepared.scene
         material = scene.material(given)
-        values = {field: getattr(material, field) for field in quantities(type(material))}
+        values = {field: getattr(material.resolved, field) for field in quantities(type(material))}
         # A texture, and the colour of a row of data, change these numbers.
         changed = ("ka", "kd", *(material.colored if "." in name else ()))
         values |= {f: self.first(x) for f in changed if (x := getattr(si.material, f)) is not None}

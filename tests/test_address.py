@@ -34,7 +34,7 @@ SCENE = Scene(
 RICH = Scene(
     camera=Camera(aperture=0.5, focus=4.0),
     textures={"tiles": CheckerTexture(scale=(4.0, 2.0)), "photo": ImageTexture(file="a.png")},
-    materials={"glass": Material(kt=(0.25, 0.5, 1.0), texture="tiles"), "plain": Material()},
+    materials={"glass": Material(ka=(0.1, 0.1, 0.1), kt=(0.25, 0.5, 1.0), texture="tiles"), "plain": Material()},
     lights={
         "sun": DirectionalLight(direction=(0.0, -1.0, 0.5)),
         "beam": SpotLight(position=(0.0, 5.0, 0.0), direction=(0.0, -1.0, 0.0), angle=12.5),
@@ -327,7 +327,6 @@ def test_numeric_addresses() -> None:
         "background.top",
         "background.bottom",
         "ambient",
-        "materials.red.ka",
         "materials.red.kd",
         "materials.red.ks",
         "materials.red.shininess",

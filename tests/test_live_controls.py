@@ -260,7 +260,7 @@ def test_search_in_a_large_scene():
     assert [c.address for c in search(controls, "ball 9999 y", 3).controls] == ["objects.ball 9999.center.1"]
     assert search(controls, "ball 9999 y", 3).controls[0].value == 0.0
     red = search(controls, "ambient r", 3).controls
-    assert [(c.address, c.value, c.high) for c in red] == [("ambient.0", 1.0, 2.0)]
+    assert [(c.address, c.value, c.high) for c in red] == [("ambient.0", 0.2, 2.0)]
     nothing = search(controls, "no such thing", 3)
     assert (nothing.controls, nothing.more) == ((), 0)
     assert search(controls, "   ", 3).controls == ()

@@ -66,6 +66,7 @@ animation.track animation.interpolation animation.rotations animation.curves ani
 animation.key_values animation.paths animation.keys animation.orbit animation.spin animation.path animation.ellipse
 animation.kinds animation.animation animation.frames animation
 scene.scene
+data.row_balls things blocking surroundings fitted_scene
 scene
 animation.moment
 data_report mesh_report clip_report constant_report csg_report track_report

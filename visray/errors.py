@@ -66,3 +66,7 @@ class StructureWarning(UserWarning):
 
 class AnimationWarning(UserWarning):
     """A track goes on after the end of the animation, or an assignment has no effect, as a track writes the value."""
+
+
+class FittedNote(UserWarning):
+    """A scene has no camera, or no lights: they were fitted (fitted_scene.py)."""

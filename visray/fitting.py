@@ -42,10 +42,15 @@ class Balls:
         """These balls and others."""
         return Balls(np.concatenate([self.centre, other.centre]), np.concatenate([self.radius, other.radius]))
 
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """The low and the high corner of their bounding box. Shape: (3) each."""
+        low, high = ((self.centre + s * self.radius[:, None]) for s in (-1, 1))
+        return low.min(axis=0), high.max(axis=0)
+
     def middle(self) -> np.ndarray:
         """Middle of their bounding box. Shape: (3)."""
-        low, high = ((self.centre + s * self.radius[:, None]) for s in (-1, 1))
-        return 0.5 * (low.min(axis=0) + high.max(axis=0))
+        low, high = self.box()
+        return 0.5 * (low + high)
 
     def reach(self) -> float:
         """Radius of a ball about the middle that contains them all."""
@@ -53,7 +58,12 @@ class Balls:
 
 
 def fitted_view(
-    shown: Balls, axes: np.ndarray, aspect: float, window: Window | None = None, share: float = ROUNDED
+    shown: Balls,
+    axes: np.ndarray,
+    aspect: float,
+    window: Window | None = None,
+    share: float = ROUNDED,
+    fov: float = FOV,
 ) -> Camera:
     """The nearest camera with given axes that sees all balls in a window of its picture.
 
@@ -61,8 +71,9 @@ def fitted_view(
     aspect: width of the picture divided by its height.
     window: the part of the picture for it; None leaves a small margin.
     share: of the size of what is shown to which numbers are rounded.
+    fov: vertical angle of view, in degrees.
     """
-    w, slope = window or Window(), np.tan(np.radians(FOV / 2))
+    w, slope = window or Window(), np.tan(np.radians(fov / 2))
     x, y, depth = axes @ shown.centre.T
     across = _Limits.of(x, depth, shown.radius, w.left * slope * aspect, w.right * slope * aspect)
     upwards = _Limits.of(y, depth, shown.radius, w.bottom * slope, w.top * slope)
@@ -70,7 +81,7 @@ def fitted_view(
     origin = np.array([across.middle(z), upwards.middle(z), z]) @ axes
     target = origin + axes[2] * float(np.median(depth) - z)
     rounded = _rounding(shown, share)
-    return Camera(origin=rounded(origin), target=rounded(target), up=tuple(np.round(axes[1], 6).tolist()), fov=FOV)
+    return Camera(origin=rounded(origin), target=rounded(target), up=tuple(np.round(axes[1], 6).tolist()), fov=fov)
 
 
 @dataclass(frozen=True)
@@ -105,7 +116,8 @@ class _Limits:
 def _rounding(shown: Balls, share: float) -> Any:
     """A function that rounds points to a share of the size of what is shown."""
     places = int(np.ceil(-np.log10(share * shown.reach())))
-    return lambda point: tuple(np.round(point, places).tolist())
+    # Adding 0 makes 0 of -0.
+    return lambda point: tuple((np.round(point, places) + 0.0).tolist())
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from visray.progress import Bar, Interrupts
 from visray.provenance import provenance
 from visray.sampled_layers import layers_for_goal, layers_of_spp
 from visray.scene.adjusted import adjusted
-from visray.scene.load import checked, load
+from visray.scene.load import checked, load, load_as_written
 from visray.scene.scene import Scene
 from visray.setup import Prepared, refuse_within_kernel, set_threads
 from visray.setup import prepare as prepare_checked
@@ -106,7 +106,7 @@ def render(
     goal, layers = Goal.from_arguments(error, time, spp, now if begun is None else begun), checked_layers(layers)
     _check_arguments(goal, layers, files, cluster)
     _check_checkpoint(goal, checkpoint, resume)
-    scene = load(scene, setup, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
+    scene = load_as_written(scene, setup, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
     given = scene if isinstance(scene, Prepared) else None
     if given and backend not in ("llvm", given.a.backend):
         raise UserError(f"backend = {backend!r}: the scene is prepared for {given.a.backend}; prepare it for the other")

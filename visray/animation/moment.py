@@ -37,7 +37,7 @@ def at(scene: Scene, t: float) -> Scene:
     """
     if scene.animation is None:
         raise UserError("at: the scene has no animation; give it one, or use the scene as it is")
-    scene = _checked(scene)
+    scene = _checked(scene if scene.camera is not None and scene.lights is not None else checked(scene))
     duration = scene.animation.duration
     if not isinstance(t, int | float) or not math.isfinite(t) or not 0 <= t <= duration:
         raise UserError(f"t = {t}: must be a time of the animation, from 0 to {duration:g} s")

@@ -98,11 +98,10 @@ def load_scene(
     source = read_scene_file(scene)
     # Here, because these imports take longer than to see that a file is missing, or is no JSON.
     from visray.scene.address import parse_assignments
-    from visray.scene.adjusted import adjusted
     from visray.scene.repaired import loaded_with
 
-    loaded = loaded_with(parse_assignments(assignments), scene, setup, compat, source, allow_outside=allow_outside)
-    return adjusted(loaded, **settings)
+    assigned = parse_assignments(assignments)
+    return loaded_with(assigned, scene, setup, compat, source, allow_outside=allow_outside, **settings)
 
 
 def read_scene_file(scene: Path) -> Source:

@@ -7,6 +7,7 @@ import numpy as np
 from visray import fitting
 from visray.data import fit
 from visray.data.base import Base, GlobeBase
+from visray.data.row_balls import row_balls
 from visray.data.rows import Rows
 from visray.data_picture.animated import places_move, turns
 from visray.legend.content import legend_content
@@ -137,17 +138,4 @@ def _at_all_times(scene: Scene, rows: Rows, balls: fitting.Balls) -> fitting.Bal
 
 def _gizmo_balls(base: Base, rows: Rows) -> fitting.Balls:
     """The base and all gizmos; of places that change in time, with the largest sizes of all dates."""
-    outline = fit.outline(base)
-    if "a" in rows.fields and rows.gizmo.name == "line":
-        points = np.concatenate([rows.fields["a"].T, rows.fields["b"].T])
-        return outline.joined(fitting.Balls(points, np.tile(rows.fields["radius"], 2)))
-    stand = rows.stand
-    if rows.in_time is not None:
-        sizes = rows.in_time.sizes
-        stand = replace(
-            stand, foot=rows.ground.point.T, height=sizes.get("height", sizes["radius"]), radius=sizes["radius"]
-        )
-    extent = 2 * stand.radius if "height" not in rows.gizmo.sizes else stand.height
-    tops = (stand.foot + stand.up * (stand.sign * extent * (1 - stand.sunk))).T
-    feet = fitting.Balls(stand.foot.T, stand.radius)
-    return outline.joined(feet).joined(fitting.Balls(tops, stand.radius))
+    return fit.outline(base).joined(row_balls(rows))

@@ -12,7 +12,7 @@ from visray.arguments import checked_arguments
 from visray.errors import AnimationWarning, UserError
 from visray.quantities import Quantity, quantities
 from visray.scene.annotations import bare, is_union
-from visray.scene.check import checked, examined
+from visray.scene.check import checked, examined, fitted
 from visray.scene.edits import edited, entry_of, is_below_layer, keys_of, value_at, within
 from visray.scene.scene import Scene
 from visray.scene.source import parse
@@ -30,7 +30,15 @@ DECIMAL = re.compile(r"\+?\d+\.\d*|[-+]?\.\d+|-\d+\.")
 @checked_arguments
 def value(scene: Scene, address: str) -> Any:
     """Value at an address. If there is no such value, raises a UserError that lists the keys to choose from."""
+    scene = _complete_at(scene, [address])
     return value_at(checked(replace(scene, animation=None)) if is_below_layer(scene, address) else scene, address)
+
+
+def _complete_at(scene: Scene, addresses: Collection[str]) -> Scene:
+    """The scene with a fitted camera and fitted lights, if it has none and an address is below one of them."""
+    heads = {head for head, _, rest in (a.partition(".") for a in addresses) if rest}
+    missing = [name for name in ("camera", "lights") if name in heads and getattr(scene, name) is None]
+    return checked(scene) if missing else scene
 
 
 @checked_arguments
@@ -48,7 +56,10 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
     A camera that gets another type keeps the fields that both types have, and gets defaults for the others.
 
     Textures, materials, lights and objects that no assignment changes are the same instances in both scenes.
+
+    A scene without camera or lights gets fitted ones if an address is below them, and otherwise stays without.
     """
+    scene = _complete_at(scene, assignments)
     if scene.data is not None and any(is_below_layer(scene, address) for address in assignments):
         scene = replace(scene, data=checked(replace(scene, animation=None)).data)
     result, flaws = examined(edited(scene, assignments))
@@ -56,7 +67,7 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
         raise UserError(*flaws)
     if result.animation is not None:
         _warn_of_tracks(result, assignments)
-    return result
+    return result if scene.camera is None or scene.lights is None else fitted(result)
 
 
 def _warn_of_tracks(scene: Scene, addresses: Collection[str]) -> None:

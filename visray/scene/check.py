@@ -18,7 +18,8 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from visray.camera import Camera
-from visray.errors import UserError
+from visray.errors import FittedNote, UserError
+from visray.fitted_scene import completed
 from visray.geometry import gamma
 from visray.hints import similar
 from visray.primitives.csg_operands import has_operands
@@ -28,7 +29,9 @@ from visray.quantities import Name
 from visray.scene.animation_flaws import animation_flaws
 from visray.scene.csg_flaws import named_geometries, operand_flaws, reference_flaws, with_operands
 from visray.scene.data_flaws import data_flaws, geometries_of_data
-from visray.scene.edits import SECTIONS, parts
+from visray.scene.animation_targets import still
+from visray.scene.animation_values import track_values
+from visray.scene.edits import SECTIONS, edited, parts
 from visray.scene.garbage import uncollected
 from visray.scene.material_flaws import material_flaws
 from visray.scene.messages import MOST, limited, line, lines
@@ -39,6 +42,7 @@ from visray.scene.source import wrong_texts
 from visray.scene.transform_flaws import transform_flaw, transform_lines
 from visray.scene.validated import plain, remember, validated
 from visray.terminal import printable
+from visray.warn import warn
 
 # Sections whose entries are referred to by name, each with a valid entry. This entry takes the place of a wrong one
 # while the rest of the scene is checked.
@@ -47,8 +51,14 @@ NAMES = TypeAdapter(list[Name])
 
 
 def checked(scene: Scene) -> Scene:
-    """Validated copy of the scene. Entries that were validated before are the same instances in both scenes. Raises a
-    UserError that lists all errors of the scene."""
+    """Validated copy of the scene, with a camera and lights: those that it does not have are fitted, which a FittedNote
+    says. Entries that were validated before are the same instances in both scenes. Raises a UserError that lists all
+    errors of the scene."""
+    return fitted(checked_as_written(scene))
+
+
+def checked_as_written(scene: Scene) -> Scene:
+    """As `checked`, but what the scene does not have is not fitted."""
     if not isinstance(scene, Scene):
         raise UserError(f"a scene is a visray Scene, not a {type(scene).__name__}")
     result, errors = examined(parts(scene))
@@ -57,9 +67,26 @@ def checked(scene: Scene) -> Scene:
     return result
 
 
+def fitted(scene: Scene) -> Scene:
+    """The scene with a fitted camera and fitted lights, if it has none; a FittedNote says so. They fit the beginning of
+    an animation. Domain: a scene without flaws."""
+    result, notes = completed(scene, _start(scene))
+    for text in notes:
+        warn(printable(text), FittedNote)
+    return result
+
+
+def _start(scene: Scene) -> Scene | None:
+    """The beginning of an animation to which something must be fitted; None if there is none."""
+    if scene.animation is None or (scene.camera is not None and scene.lights is not None):
+        return None
+    full = completed(scene)[0]
+    return examined(edited(still(full), track_values(full, 0.0)))[0]
+
+
 def examined(raw: Any) -> tuple[Scene | None, list[str]]:
     """The scene that plain dicts and lists describe, and a list with one line for each error. The scene is None if a
-    single field is wrong.
+    single field is wrong. What it does not have is not fitted.
 
     raw: the scene as dicts and lists. Its entries may also be instances of their kinds.
     """
@@ -123,7 +150,14 @@ def _accepted(raw: dict) -> Scene | None:
         for key, equal in getattr(new, name).items():
             remember(entries[key] if is_dataclass(type(entries[key])) else equal, equal)
     # Last, because it checks further scenes, which have the same entries.
-    return None if any(True for _ in animation_flaws(scene, examined)) else scene
+    return None if any(True for _ in _flaws_in_motion(scene)) else scene
+
+
+def _flaws_in_motion(scene: Scene) -> Iterator[str]:
+    """The flaws of the animation of a scene. Its tracks may move a camera and lights that are fitted. Domain: the rest
+    has no flaws."""
+    if scene.animation is not None:
+        yield from animation_flaws(completed(scene)[0], examined)
 
 
 def _known(entries: dict, kinds: frozenset) -> dict:
@@ -152,7 +186,7 @@ def _has_own_flaws(scene: Scene) -> bool:
         shapes = *scene.geometries.values(), *scene.objects.values()
         return bool(
             _camera_flaws(scene.camera)
-            or any(light.flaws() for light in scene.lights.values())
+            or any(light.flaws() for light in (scene.lights or {}).values())
             or any(shape.flaws() or transform_flaw(shape.transform) for shape in shapes)
             or any(True for shape in shapes for _ in operand_flaws("", shape))
         )
@@ -221,14 +255,14 @@ def _all_flaws(scene: Scene) -> Iterator[str]:
         wrong = True
         yield text
     if not wrong:
-        yield from animation_flaws(scene, examined)
+        yield from _flaws_in_motion(scene)
 
 
 def _flaws_at_rest(scene: Scene) -> Iterator[str]:
     """The flaws of a scene, without those of its animation."""
     yield from _camera_flaws(scene.camera)
     yield from material_flaws(scene)
-    for name, light in scene.lights.items():
+    for name, light in (scene.lights or {}).items():
         yield from own_flaws(f"lights.{name}", light)
     made = with_operands(scene)
     named = named_geometries(scene, made) | geometries_of_data(scene)
@@ -283,9 +317,11 @@ def _placement_flaw(scene: Scene, instance: Instance) -> str | None:
     return flaw and f"after the transform of geometries.{instance.geometry}, {flaw}"
 
 
-def _camera_flaws(camera: Camera) -> list[str]:
-    """List with the error of the camera, if it has one: origin and target are equal, a vector is too long or too short,
+def _camera_flaws(camera: Camera | None) -> list[str]:
+    """List with the error of the camera, if there is one and it has one: origin and target are equal, a vector is too long or too short,
     `up` is parallel to the view direction, or the shutter closes before it opens."""
+    if camera is None:
+        return []
     if (shutter := camera.shutter) is not None and shutter.close <= shutter.open:
         text = f"must be greater than open, which is {shutter.open:g}"
         return [line("camera.shutter.close", shutter.close, text)]

@@ -6,7 +6,7 @@ from typing import Any
 
 from visray.arguments import checked_arguments
 from visray.errors import UserError
-from visray.scene.check import checked, examined
+from visray.scene.check import checked, examined, fitted
 from visray.scene.files import placed
 from visray.scene.legacy.convert import LegacyWarning, convert, is_legacy_scene, is_legacy_setup
 from visray.scene.messages import line
@@ -37,13 +37,25 @@ def load(
 
     In the file, paths of texture and mesh files are relative to the folder of the file. In the scene, they are relative
     to the current folder. If a VisRayTrace file asks for something that visray cannot do, there is a LegacyWarning or a
-    UserError.
+    UserError. A scene without a camera or lights gets fitted ones, which a FittedNote says.
     """
+    return fitted(load_as_written(path, setup, compat, source, allow_outside=allow_outside))
+
+
+def load_as_written(
+    path: str | Path,
+    setup: str | Path | None = None,
+    compat: bool = False,
+    source: Source | None = None,
+    *,
+    allow_outside: bool = False,
+) -> Scene:
+    """As `load`, but a camera and lights that the file does not have are None."""
     source = source or read(path)
     if is_legacy_scene(source.raw) or is_legacy_setup(source.raw):
         scene, warning_texts = convert(path, setup, compat, allow_outside)
         for text in warning_texts:
-            warnings.warn(text, LegacyWarning, stacklevel=3)
+            warnings.warn(text, LegacyWarning, stacklevel=4)
         return scene
     if setup is not None:
         raise UserError(f"{path}: is not a VisRayTrace scene, and only those take a setup file; leave {setup} out")

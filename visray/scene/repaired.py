@@ -7,7 +7,8 @@ from typing import Any
 
 from visray.errors import UserError
 from visray.scene.address import changed
-from visray.scene.load import load
+from visray.scene.adjusted import adjusted, adjusted_as_written
+from visray.scene.load import load_as_written
 from visray.scene.scene import Scene
 from visray.scene.source import Source
 
@@ -20,14 +21,17 @@ def loaded_with(
     source: Source,
     *,
     allow_outside: bool,
+    **settings: Any,
 ) -> Scene:
-    """The scene of a file, with other values at some addresses. Only what is wrong then is an error.
+    """The scene of a file, with other values at some addresses. Only what is wrong then is an error. A camera that the
+    file does not have is fitted to the size of the film, and to what the assignments change.
 
-    assignments: values by address. source: content of the file. The others are those of `load`.
+    assignments: values by address. source: content of the file. settings: as for adjusted.adjusted. The others are
+        those of `load`.
     """
     more = {"setup": setup, "compat": compat, "allow_outside": allow_outside}
     try:
-        scene = load(path, source=source, **more)
+        scene = load_as_written(path, source=source, **more)
     except UserError:
         raw = source.raw
         for address, new in assignments.items():
@@ -35,13 +39,15 @@ def loaded_with(
         if raw == source.raw:
             raise
         try:
-            scene = load(path, source=replace(source, raw=raw), **more)
+            scene = load_as_written(path, source=replace(source, raw=raw), **more)
         except UserError as error:
             # What the command line says is no fault of the file.
             begins = tuple(f"{path}: {address}{end}" for address in assignments for end in (" ", ".", ":"))
             lines = (line.removeprefix(f"{path}: ") if line.startswith(begins) else line for line in error.lines)
             raise UserError(*lines) from None
-    return changed(scene, assignments) if assignments else scene
+    if assignments:
+        scene = changed(adjusted_as_written(scene, **settings), assignments)
+    return adjusted(scene, **settings)
 
 
 def _with(node: Any, keys: list[str], new: Any) -> Any:

@@ -143,16 +143,16 @@ Texture = Annotated[Union[textures.KINDS], Field(discriminator="type")]
 class Scene:
     """A scene: everything that determines a picture. Textures, materials, lights, geometries and objects are dicts by
     name, in the order of the file. A geometry is a shape without a material; the objects that are its instances show
-    it."""
+    it. If `camera` or `lights` is None, it is fitted to the scene when the scene is checked (fitted_scene.py)."""
 
     __pydantic_config__ = STRICT
-    camera: Camera = field(default_factory=cameras.Camera)
+    camera: Camera | None = None
     film: Film = field(default_factory=Film)
     background: SkyGradient | Color = SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
     ambient: Color = (0.2, 0.2, 0.2)
     textures: dict[Name, Texture] = field(default_factory=dict)
     materials: dict[Name, Material] = field(default_factory=dict)
-    lights: dict[Name, Light] = field(default_factory=dict)
+    lights: dict[Name, Light] | None = None
     geometries: dict[Name, Geometry] = field(default_factory=dict)
     objects: dict[Name, Object] = field(default_factory=dict)
     data: Data | None = None

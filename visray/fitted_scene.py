@@ -1,0 +1,157 @@
+"""Completes scenes: one without a camera gets a fitted camera, and one without lights gets fitted lights.
+
+The camera looks from the side and from above, so that y is up and all that is bounded is in the picture, and it stands
+where the most of it is seen: not below a floor, behind a wall, or in an object. The lights are a key light with soft
+shadows and a weak fill light, which stand to the camera as a rig says (fitting.py). Surroundings need not be in the
+picture (surroundings.py). A camera `{}` is the default camera, and lights `{}` are none.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from visray.camera import Camera, OrthographicCamera
+from visray.data import fit
+from visray.fitting import FOV, Balls, Rig, Window, fitted_lights, fitted_view
+from visray.lights.light import Light
+from visray.scene.scene import Scene
+from visray.surroundings import Stage
+from visray.things import things_of
+
+# Directions from which a camera looks, the best first: azimuths in degrees from z to x, and elevations.
+AZIMUTHS, ELEVATIONS = (35.0, -35.0, 0.0, 70.0, -70.0, 145.0, -145.0, 180.0), (24.0, 12.0, 45.0, 4.0)
+# Angles of view that are tried, in degrees: in a room, only a wide one lets a camera stand before the walls.
+FOVS = (FOV, 45.0, 65.0)
+# The part of the picture for what must be in it: around it there is room for shadows.
+WINDOW = Window(left=-0.82, right=0.82, bottom=-0.82, top=0.82)
+# A view is taken before others that show more if it shows at least this share of what they show.
+ENOUGH = 0.9
+# Places of the key light and of the fill light, the best first: to the right, upwards and backwards of the camera.
+KEYS = ((-0.5, 0.3, 0.81), (0.5, 0.3, 0.81), (-0.3, 0.8, 0.5), (0.3, 0.8, 0.5), (0.0, 0.2, 1.0))
+FILLS = ((0.7, -0.1, 0.7), (0.7, 0.3, 0.65), (-0.7, 0.3, 0.65), (0.4, 0.8, 0.45), (0.0, 0.2, 1.0))
+# Shares of the rig's distances and of its radii that are tried.
+NEARER, SMALLER = (1.0, 0.6, 0.35, 0.2), (1.0, 0.5, 0.25)
+# Radius of what the lights shine on if nothing is bounded, as a share of the distance of the camera's target.
+PART = 0.3
+# Strengths of the lights of a scene.
+RIG = Rig()
+# What to do with what was fitted.
+ADVICE = "visray import FILE -o OUT (in Python vr.dump) writes {} out"
+
+
+def completed(scene: Scene, start: Scene | None = None) -> tuple[Scene, list[str]]:
+    """The scene with a camera and lights, and notes on what was fitted. Domain: a scene without flaws.
+
+    start: the scene at the beginning of its animation; None: the scene itself.
+    """
+    if scene.camera is not None and scene.lights is not None:
+        return scene, []
+    stage = Stage.of(things_of(start or scene))
+    camera, lights = scene.camera, scene.lights
+    if camera is None:
+        camera = _camera(scene, stage)
+    if lights is None:
+        lights = _lights(camera, stage) if stage.shown or stage.around else {}
+    return replace(scene, camera=camera, lights=lights), _notes(scene, stage)
+
+
+def _notes(scene: Scene, stage: Stage) -> list[str]:
+    """What to say of a scene that was completed."""
+    if not (stage.shown or stage.around):
+        return []
+    missing = [name for name in ("camera", "lights") if getattr(scene, name) is None]
+    what = {"camera": "a camera was fitted", "lights": "a key light and a fill light were fitted"}
+    if not stage.shown:
+        what["camera"] = "as nothing in it is bounded, it is the default camera"
+    done = " and ".join(what[name] for name in missing)
+    notes = [f"the scene has no {' and no '.join(missing)}: {done}; {ADVICE.format(_pronoun(missing))}"]
+    large = [x.address for x in stage.around if x.balls is not None]
+    if large and scene.camera is None:
+        text = "is much larger than the rest, so the fitted camera need not show all of it"
+        notes.append(f"{large[0]}: {text}" + (f"; so are {len(large) - 1} more" if large[1:] else ""))
+    return notes
+
+
+def _pronoun(missing: list[str]) -> str:
+    """The pronoun of what is missing."""
+    return "it" if missing == ["camera"] else "them"
+
+
+def _camera(scene: Scene, stage: Stage) -> Camera:
+    """The fitted camera; the default one if nothing is bounded."""
+    shown, aspect = stage.balls, scene.film.width / scene.film.height
+    if shown is None:
+        return Camera()
+    directions = [_axes(azimuth, elevation) for elevation in ELEVATIONS for azimuth in AZIMUTHS]
+    if scene.data is not None and not scene.objects:
+        directions = [fit.axes_over(scene.data.base), *directions]
+    best, worth = None, -1.0
+    for fov in FOVS:
+        cameras = [fitted_view(shown, axes, aspect, WINDOW, fov=fov) for axes in directions]
+        visible = stage.visible(np.array([x.origin for x in cameras]))
+        first = int(np.argmax(visible >= ENOUGH * visible.max()))
+        if visible[first] > worth:
+            best, worth = cameras[first], visible[first]
+        if worth >= ENOUGH:
+            break
+    upright = abs(np.subtract(best.target, best.origin)[[0, 2]]).max() > 0
+    return replace(best, up=(0.0, 1.0, 0.0)) if upright and scene.data is None else best
+
+
+def _axes(azimuth: float, elevation: float) -> np.ndarray:
+    """Axes of a camera that looks from a direction, with y upwards: to the right, up and forward. Shape: (3, 3)."""
+    a, e = np.radians([azimuth, elevation])
+    forward = -np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
+    return _axes_of(forward, np.array([0.0, 1.0, 0.0]))
+
+
+def _axes_of(forward: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Axes of a camera that looks forward. Shape: (3, 3)."""
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, up / np.linalg.norm(up))
+    right = right / np.linalg.norm(right)
+    return np.stack([right, np.cross(right, forward), forward])
+
+
+def _lights(camera: Camera | OrthographicCamera, stage: Stage) -> dict[str, Light]:
+    """The lights for a camera, in places from which the most is seen."""
+    view = np.subtract(camera.target, camera.origin)
+    axes = _axes_of(view, np.array(camera.up, float))
+    shown = stage.balls
+    if shown is None:
+        reach = PART * float(np.linalg.norm(view))
+        shown = Balls(np.array([camera.target], float), np.array([reach]))
+    rigs = [_Place("key", "key_radius", KEYS), _Place("fill", "fill_radius", FILLS)]
+    return {place.name: place.light(shown, axes, stage) for place in rigs}
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a light of a rig may stand.
+
+    name: its name in the rig.
+    size: the name of its radius in the rig.
+    directions: directions to it, the best first.
+    """
+
+    name: str
+    size: str
+    directions: tuple[tuple[float, float, float], ...]
+
+    def light(self, shown: Balls, axes: np.ndarray, stage: Stage) -> Light:
+        """The light in the first place from which enough is seen, and where nothing cuts it."""
+        rigs = [
+            replace(RIG, distance=near * RIG.distance, **{self.name: toward, self.size: near * small * self.radius})
+            for near in NEARER
+            for small in SMALLER
+            for toward in self.directions
+        ]
+        lights = [fitted_lights(shown, axes, rig)[self.name] for rig in rigs]
+        points = np.array([x.position for x in lights])
+        worth = stage.visible(points) * stage.free(points, np.array([x.radius for x in lights]))
+        return lights[int(np.argmax(worth >= ENOUGH * worth.max()))]
+
+    @property
+    def radius(self) -> float:
+        """Its radius in the rig."""
+        return getattr(RIG, self.size)

@@ -12,6 +12,7 @@ scene = vr.Scene(
     materials={"glass": vr.Material(kt=(0.9, 0.9, 0.9), ior=true)},
     objects={"ball": vr.Sphere(radius=1.0, material="glass")},
     settings=vr.Settings(spp=4),
+    lights={},
 )
 photograph = vr.render(scene, layers=("RGB",), progress=False)["RGB"]
 

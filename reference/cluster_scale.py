@@ -68,7 +68,7 @@ def overheads() -> list[dict]:
         try:
             with connecting.connected(address) as crew:
                 crew.client.wait_for_workers(2)
-                crew.send(ScenePackage.of(vr.Scene()))
+                crew.send(ScenePackage.of(vr.Scene(camera=vr.Camera(), lights={})))
                 return [task_cost(crew, size, scheduler.pid, workers[0].pid) for size in (SIZES[0], *SIZES)][1:]
         finally:
             for process in (*workers, scheduler):

@@ -13,6 +13,7 @@ from samples import Lineup
 
 from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
+from visray.camera import Camera
 from visray.geometry import gamma
 from visray.interaction import surface_of
 from visray.materials import Material
@@ -60,6 +61,8 @@ class Traced:
             objects={"a": self.obj},
             materials={f"m{i}": Material(kd=(i * STEP, 0.5, 0.5)) for i in range(next(number))},
             settings=Settings(precision=precision),
+            camera=Camera(),
+            lights={},
         )
         self.kernel = prepare(self.scene).kernel
         self.a = self.kernel.a

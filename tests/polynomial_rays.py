@@ -13,6 +13,7 @@ from samples import array
 
 from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
+from visray.camera import Camera
 from visray.interaction import surface_of
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
@@ -45,7 +46,7 @@ class Rig:
 
     def __init__(self, *things: Any):
         named = {f"o{i}": x for i, x in enumerate(things)}
-        self.prepared = prepare(Scene(objects=named, settings=Settings(precision="double")))
+        self.prepared = prepare(Scene(objects=named, settings=Settings(precision="double"), camera=Camera(), lights={}))
         self.a, self.kernel = self.prepared.a, self.prepared.kernel
 
     def ray(self, o: np.ndarray, d: np.ndarray, source: Any = None, inside: Any = None) -> Ray:

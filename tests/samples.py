@@ -19,6 +19,7 @@ from exact_surfaces import Piece
 
 from visray.accel.origin import Geometry
 from visray.accel.ray_segment import RaySegment, length_inside, occludes
+from visray.camera import Camera
 from visray.geometry import gamma
 from visray.interaction import surface_of
 from visray.primitives import (
@@ -972,6 +973,8 @@ class Lineup:
             film=Film(width=1, height=1),
             objects={f"o{i}": x for i, x in enumerate(things)},
             settings=Settings(precision=precision),
+            camera=Camera(),
+            lights={},
         )
         self.prepared = prepare(scene)
         self.a, self.kernel = self.prepared.a, self.prepared.kernel

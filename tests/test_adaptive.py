@@ -65,7 +65,7 @@ EDGES = Scene(
     settings=Settings(sampler="sobol"),
 )
 # Nothing in it differs from sample to sample.
-FLAT = Scene(film=Film(width=40, height=30), background=(0.1, 0.7, 1 / 3))
+FLAT = Scene(film=Film(width=40, height=30), background=(0.1, 0.7, 1 / 3), camera=Camera(), lights={})
 SMALL = Film(width=24, height=18)
 # Operations of a kernel that takes no samples, at most.
 SMALL_KERNEL = 200
@@ -634,6 +634,7 @@ def test_coverage_of_a_transparent_film() -> None:
         ambient=(1.0, 1.0, 1.0),
         materials={"white": Material(ka=(1.0, 1.0, 1.0), kd=(0.0, 0.0, 0.0))},
         objects={"ball": Sphere(material="white")},
+        lights={},
     )
     image = render_adaptively(scene, error=0.01)
     assert 0 < image["A"].mean() < 1 and image["A"].min() == 0 and image["A"].max() == 1
@@ -682,7 +683,12 @@ def test_small_things_alone_are_found() -> None:
     white = {"light": Material(ka=(1.0, 1.0, 1.0), kd=(0.0, 0.0, 0.0))}
     camera = Camera(origin=(0.0, 0.0, 9.0), fov=40.0)
     scene = Scene(
-        film=Film(width=48, height=48), camera=camera, materials=white, objects=balls, background=(0.01, 0.01, 0.01)
+        film=Film(width=48, height=48),
+        camera=camera,
+        materials=white,
+        objects=balls,
+        background=(0.01, 0.01, 0.01),
+        lights={},
     )
     image = render_adaptively(scene, error=0.05)
     facts, true = image.metadata, render(scene, spp=2**14, layers=("RGB",), seed=9, progress=False)["RGB"]
@@ -964,7 +970,7 @@ def test_what_few_pixels_leave_out_is_found(machine: Machine) -> None:
     balls = {name: Sphere(center=(x, 0, 0), radius=0.1, material="mirror") for name, x in (("a", -0.11), ("b", 0.11))}
     scene = Scene(
         film=Film(width=200, height=160), camera=Camera(origin=(0, 0, 10), fov=40.0), materials=mirror, objects=balls,
-        background=(0.5, 0.5, 0.5), settings=Settings(depth=1, sampler="sobol"),
+        background=(0.5, 0.5, 0.5), settings=Settings(depth=1, sampler="sobol"), lights={},
     )  # fmt: skip
     deep, shallow = (
         render(with_settings(scene, depth=d), spp=1024, seed=77, layers=("RGB",), progress=False)["RGB"].astype(float)

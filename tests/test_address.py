@@ -380,7 +380,7 @@ def test_numeric_addresses_of_a_part(prefix: str, fields: set[str]) -> None:
 
 
 def test_a_plain_background_is_one_address() -> None:
-    found = numeric_addresses(Scene(background=(0.1, 0.2, 0.3)))
+    found = numeric_addresses(Scene(background=(0.1, 0.2, 0.3), camera=Camera(), lights={}))
     assert [a for a in found if a.startswith("background")] == ["background"]
     assert found["background"].size == 3
 

@@ -390,7 +390,7 @@ def test_numbers_of_rows_move() -> None:
         data=vr.Data(layers={"rain": layer}),
         animation=vr.Animation(
             duration=1, tracks={"a": vr.KeysTrack(address="data.rain.1.height", times=(0, 1), values=(2, 4))}
-        ),
+        ), camera=vr.Camera(), lights={},
     )  # fmt: skip
     assert vr.value(vr.at(scene, 0.25), "data.rain.1.height") == 2.5
 
@@ -501,6 +501,8 @@ def of_days(*values: Any, date: Any = None) -> vr.Scene:
         animation=vr.Animation(
             duration=2, tracks={"a": vr.KeysTrack(address="data.date", times=(0, 2), values=values)}
         ),
+        camera=vr.Camera(),
+        lights={},
     )
 
 

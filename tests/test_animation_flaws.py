@@ -281,7 +281,11 @@ def test_a_wrong_track_gets_one_line(what: str) -> None:
     track, expected = ONE_TRACK[what]
     sheet = vr.Rectangle(center=(0, 0, 0), width=(1, 0, 0), height=(0, 1, 0))
     scaled = vr.Sphere(transform=(vr.Scale(scale=2.0), vr.Scale(scale=(1, 1, 2))))
-    more = {"objects": SCENE.objects | {"sheet": sheet, "scaled": scaled}} if "objects.s" in str(track) else {}
+    more = (
+        {"objects": SCENE.objects | {"sheet": sheet, "scaled": scaled}, "camera": {}, "lights": {}}
+        if "objects.s" in str(track)
+        else {}
+    )
     found = lines({"a": track}, more)
     assert len(found) == 1 or what == "an unknown key"
     assert found[0].startswith(expected)
@@ -320,7 +324,9 @@ def test_a_name_in_two_sections_is_a_choice() -> None:
     geometries = {"drop": {"type": "sphere"}, "ball": {"type": "sphere"}}
     copies = {name: {"type": "instance", "geometry": name} for name in geometries} | {"ball": {"type": "sphere"}}
     copies |= {"other": {"type": "instance", "geometry": "ball"}}
-    [found] = lines({"a": key_track("ball.radius", 1, 2)}, {"objects": copies, "geometries": geometries})
+    [found] = lines(
+        {"a": key_track("ball.radius", 1, 2)}, {"objects": copies, "geometries": geometries, "camera": {}, "lights": {}}
+    )
     assert found.endswith("is no address; write geometries.ball.radius or objects.ball.radius")
 
 
@@ -423,7 +429,10 @@ def test_all_errors_are_reported_at_once() -> None:
 def test_a_wrong_scene_gets_no_errors_of_its_tracks() -> None:
     """The track's object may be the one that is wrong."""
     objects = {"ball": {"type": "sphere", "radius": -1}}
-    [found] = lines({"a": key_track("objects.ball.radius", 1, 2)}, {"objects": objects, "geometries": {}})
+    [found] = lines(
+        {"a": key_track("objects.ball.radius", 1, 2)},
+        {"objects": objects, "geometries": {}, "camera": {}, "lights": {}},
+    )
     assert found == "objects.ball.radius = -1: must be greater than 0"
 
 

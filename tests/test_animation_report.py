@@ -12,6 +12,7 @@ def notes(*tracks, shutter=None, duration=2.0):
         materials={"m": vr.Material()},
         objects={"ball": vr.Sphere(material="m")},
         animation=vr.Animation(duration=duration, fps=4, tracks={f"t{i}": x for i, x in enumerate(tracks)}),
+        lights={},
     )
     return [text for text in vr.explain(scene).notes if "animation" in text or "motion" in text]
 
@@ -28,7 +29,7 @@ def test_motion_blur_says_why():
     )
     rest = vr.KeysTrack(address="objects.ball.radius", times=(0, 1), values=(1.0, 1.0))
     assert notes(rest, shutter=vr.Shutter())[1] == "motion blur: off, as nothing moves while the shutter is open"
-    plain = vr.explain(vr.Scene(camera=vr.Camera(shutter=vr.Shutter()))).notes
+    plain = vr.explain(vr.Scene(camera=vr.Camera(shutter=vr.Shutter()), lights={})).notes
     assert plain[0] == "camera.shutter: blurs nothing, as the scene has no animation"
 
 

@@ -15,7 +15,7 @@ from visray.errors import UserError
 from visray.live import view as live_view
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
-BALL = vr.Scene(objects={"a": vr.Sphere()}, lights={"l": vr.PointLight(position=(3.0, 4.0, 5.0))})
+BALL = vr.Scene(objects={"a": vr.Sphere()}, lights={"l": vr.PointLight(position=(3.0, 4.0, 5.0))}, camera=vr.Camera())
 IMAGE = vr.Image({"RGB": np.ones((2, 3, 3), np.float32), "Z": np.ones((2, 3), np.float32)})
 ODD = [
     None, True, 5, -1, 0, 2.5, np.nan, np.inf, 10**30, "", "x", "a.b", b"x", [], {}, (), (1,), (1, 2, 3), (1.5, 2),
@@ -102,7 +102,9 @@ def test_odd_values_in_scenes():
             refuses_or_begins(vr.explain, {"scene": vr.Scene(**{name: odd})})
     for name in vr.Settings.__dataclass_fields__:
         for odd in ODD:
-            refuses_or_begins(vr.explain, {"scene": vr.Scene(settings=vr.Settings(**{name: odd}))})
+            refuses_or_begins(
+                vr.explain, {"scene": vr.Scene(settings=vr.Settings(**{name: odd}), camera=vr.Camera(), lights={})}
+            )
 
 
 @pytest.mark.parametrize("size", [5, None, "12", (1, 2, 3), {1, 2}, np.array(3), (2.5, 2), ("a", "b"), [-1, 2]])
@@ -120,8 +122,8 @@ def test_numbers_of_numpy_are_numbers():
     same = vr.render(BALL, spp=2, size=(6, 4), seed=3)
     np.testing.assert_array_equal(image["RGB"], same["RGB"])
     ball = vr.Sphere(radius=np.float32(0.5), center=(np.int64(1), np.float64(2), 0))
-    assert vr.dump(vr.Scene(objects={"a": ball})) == vr.dump(
-        vr.Scene(objects={"a": vr.Sphere(radius=0.5, center=(1, 2, 0))})
+    assert vr.dump(vr.Scene(objects={"a": ball}, camera=vr.Camera(), lights={})) == vr.dump(
+        vr.Scene(objects={"a": vr.Sphere(radius=0.5, center=(1, 2, 0))}, camera=vr.Camera(), lights={})
     )
     assert vr.value(vr.replaced(BALL, "objects.a.radius", np.float32(0.25)), "objects.a.radius") == 0.25
     assert python_number(np.bool_(True)) is True and isinstance(python_number(np.array(3)), np.ndarray)

@@ -382,7 +382,7 @@ def test_several_wrong_things_get_a_line_each(full: vr.Scene) -> None:
 def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = vr.Scene(
         camera=vr.Camera(origin=(0.0, 0.0, 5.0), target=(0.0, 0.0, 0.0)), film=vr.Film(width=21, height=15),
-        objects={"far": vr.Sphere(center=(9.0, 9.0, 0.0)), "ball": vr.Sphere()}, settings=vr.Settings(spp=2),
+        objects={"far": vr.Sphere(center=(9.0, 9.0, 0.0)), "ball": vr.Sphere()}, settings=vr.Settings(spp=2), lights={},
     )  # fmt: skip
     once = passes.exposed_once
 

@@ -404,14 +404,14 @@ def test_a_camera_without_a_type_is_perspective() -> None:
 
 @pytest.mark.parametrize("camera", [vr.Camera(), vr.Camera(fov=30.0), vr.OrthographicCamera(), TILTED])
 def test_a_written_camera_is_read_back(camera: Any) -> None:
-    raw = json.loads(dump(vr.Scene(camera=camera)))
+    raw = json.loads(dump(vr.Scene(camera=camera, lights={})))
     assert examined(raw)[0].camera == camera
     # The type is written only if it is not that of a camera without a type.
     assert raw.get("camera", {}).get("type") == (None if type(camera) is vr.Camera else "orthographic")
 
 
 def test_a_type_that_is_set_keeps_what_both_types_have() -> None:
-    scene = vr.Scene(camera=vr.Camera(origin=(1.0, 2.0, 3.0), fov=12.0, aperture=0.5))
+    scene = vr.Scene(camera=vr.Camera(origin=(1.0, 2.0, 3.0), fov=12.0, aperture=0.5), lights={})
     parallel = vr.replaced(scene, "camera.type", "orthographic").camera
     assert parallel == vr.OrthographicCamera(origin=(1.0, 2.0, 3.0))
     same = vr.replaced(scene, "camera.type", "perspective").camera

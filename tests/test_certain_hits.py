@@ -11,6 +11,7 @@ from samples import geometry_of
 from visray.accel import policy
 from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
+from visray.camera import Camera
 from visray.primitives import Box, Rectangle, Sphere, Triangle
 from visray.quantities import Arrays
 from visray.ray import NO_ROW, Ray
@@ -38,7 +39,7 @@ def scene(rng: np.random.Generator, kinds: str) -> Scene:
     # Sheets in one plane: hits at equal distances.
     for i in range(3):
         objects[f"r{i}"] = Rectangle(center=(0.1 * i, 0.0, 0.0), width=(0.7, 0.0, 0.0), height=(0.0, 0.7, 0.0))
-    return Scene(objects=objects)
+    return Scene(objects=objects, camera=Camera(), lights={})
 
 
 def put(kind: Any, values: np.ndarray) -> Any:

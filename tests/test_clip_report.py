@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from visray.camera import Camera
 from visray.clip_report import ClipWarning, clip_notes, extent
 from visray.explaining import explain
 from visray.polynomials.catalogue import SURFACES
@@ -23,7 +24,7 @@ from visray.setup import prepare
 
 def note(expression: str, **more: Any) -> str:
     """The note about a polynomial surface; "" if there is none."""
-    notes = clip_notes(Scene(objects={"h": Polynomial(expression=expression, **more)}))
+    notes = clip_notes(Scene(objects={"h": Polynomial(expression=expression, **more)}, camera=Camera(), lights={}))
     assert all(n.startswith("objects.h: ") for n in notes)
     return "".join(notes)
 
@@ -108,7 +109,12 @@ def test_capped_solids_that_fill_their_clip() -> None:
 
 def test_geometries_have_addresses() -> None:
     ball = Polynomial(expression=BALL_OF_6)
-    scene = Scene(geometries={"g": ball}, objects={"one": Instance(geometry="g"), "two": Instance(geometry="g")})
+    scene = Scene(
+        geometries={"g": ball},
+        objects={"one": Instance(geometry="g"), "two": Instance(geometry="g")},
+        camera=Camera(),
+        lights={},
+    )
     (text,) = clip_notes(scene)
     assert text.startswith("geometries.g: ")
 
@@ -117,7 +123,7 @@ def test_geometries_have_addresses() -> None:
 def test_known_surfaces_have_no_note(name: str) -> None:
     """And what the catalogue says of them is found: a compact surface is in its ball, the others are cut by it."""
     known, shape = SURFACES[name], Polynomial(surface=name)
-    assert not clip_notes(Scene(objects={"s": shape}))
+    assert not clip_notes(Scene(objects={"s": shape}, camera=Camera(), lights={}))
     if known.compact and known.centre == (0, 0, 0) and known.radius < 2.4:
         default = Polynomial(expression=known.expression, parameters=shape.parameters)
         found = extent(default.compiled(), (5.0,) * 3, True, True)
@@ -147,7 +153,9 @@ def test_ellipsoids_anywhere(centre: tuple, size: float, axes: tuple) -> None:
 
 
 def test_pictures_warn() -> None:
-    scene = Scene(objects={"h": Polynomial(expression=BALL_OF_6)}, film=Film(width=4, height=4))
+    scene = Scene(
+        objects={"h": Polynomial(expression=BALL_OF_6)}, film=Film(width=4, height=4), camera=Camera(), lights={}
+    )
     with pytest.warns(ClipWarning, match="objects.h: no point of the surface is in its clip"):
         render(scene, spp=1, layers=("RGB",), progress=False)
     assert explain(scene).notes == tuple(clip_notes(scene))

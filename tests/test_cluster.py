@@ -153,6 +153,7 @@ def test_a_package_has_all_files_of_a_scene(tmp_path: Path) -> None:
             objects={"t": vr.Mesh(file=str(tmp_path / "a/t.gltf")), "s": vr.Sphere(material="b")},
             data=vr.Data(layers={"rows": vr.DataLayer(source=str(tmp_path / "b/rows.csv"))}),
             film=vr.Film(width=12, height=9),
+            camera=vr.Camera(),
         )
     )
     package = ScenePackage.of(scene)
@@ -165,12 +166,14 @@ def test_a_package_has_all_files_of_a_scene(tmp_path: Path) -> None:
     found = vr.render(package.unpacked(folder), progress=False)
     assert all(found[name].tobytes() == expected[name].tobytes() for name in expected.layers)
     with pytest.raises(UserError, match=r"none\.png: cannot be read, No such file"):
-        ScenePackage.of(vr.Scene(textures={"a": vr.ImageTexture(file=str(tmp_path / "none.png"))}))
+        ScenePackage.of(
+            vr.Scene(textures={"a": vr.ImageTexture(file=str(tmp_path / "none.png"))}, camera=vr.Camera(), lights={})
+        )
 
 
 def test_a_package_says_by_its_digest_what_is_in_it(tmp_path: Path) -> None:
     path = tmp_path / "rows.csv"
-    scene = vr.Scene(data=vr.Data(layers={"rows": vr.DataLayer(source=str(path))}))
+    scene = vr.Scene(data=vr.Data(layers={"rows": vr.DataLayer(source=str(path))}), camera=vr.Camera(), lights={})
     path.write_text("lon,lat,n\n1,2,3\n")
     first, again = ScenePackage.of(scene), ScenePackage.of(scene)
     assert first == again
@@ -191,7 +194,7 @@ def test_a_worker_of_another_version_is_refused() -> None:
 @pytest.mark.parametrize("given", ["", "tcp://", "tcp://host", "host:8786", "local:", "local:x", "local:1.5"])
 def test_what_is_no_address_is_refused(given: str) -> None:
     with pytest.raises(UserError, match=r"^cluster = '.*': must be the address of a scheduler, such as tcp://"):
-        vr.render(vr.Scene(), cluster=given)
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster=given)
 
 
 @pytest.mark.parametrize("command", ["render", "animate", "cost"])
@@ -217,32 +220,32 @@ def test_waiting_for_workers_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connecting, "_crew", crew_of)
     for where, progress in (("local:1", True), ("tcp://host:1", True), ("local:1", False)):
         with pytest.raises(UserError, match="no crew"):
-            vr.render(vr.Scene(), cluster=where, progress=progress)
+            vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster=where, progress=progress)
     assert shown == [("starting 1 worker", True), ("connecting to tcp://host:1", True), ("starting 1 worker", False)]
 
 
 @pytest.mark.parametrize("count", [0, -1, local.cores() + 1])
 def test_a_wrong_number_of_workers_is_refused(count: int) -> None:
     with pytest.raises(UserError, match=rf"^cluster = 'local:{count}': the number of workers must be from 1 to \d+, "):
-        vr.render(vr.Scene(), cluster=f"local:{count}")
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster=f"local:{count}")
 
 
 @pytest.mark.parametrize("goal", [{"error": 0.1}, {"time": 1.0}])
 def test_one_picture_to_a_goal_is_made_on_one_machine(goal: dict[str, float]) -> None:
     with pytest.raises(UserError, match=r"^cluster = 'local:1': .* is rendered on one machine; give spp, or leave"):
-        vr.render(vr.Scene(), cluster="local:1", **goal)
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster="local:1", **goal)
 
 
 def test_without_dask_a_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(address, "find_spec", lambda name: None)
     with pytest.raises(UserError, match=r"^cluster = 'local:1': needs Dask, .*: pip install 'visray\[cluster\]'$"):
-        vr.render(vr.Scene(), cluster="local:1")
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster="local:1")
 
 
 @pytest.mark.parametrize("port", [0, 65536])
 def test_a_port_that_no_machine_has_is_refused(port: int) -> None:
     with pytest.raises(UserError, match=rf"^cluster = 'tcp://host:{port}': the port must be from 1 to 65535"):
-        vr.render(vr.Scene(), cluster=f"tcp://host:{port}")
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster=f"tcp://host:{port}")
 
 
 @pytest.mark.parametrize(
@@ -259,7 +262,7 @@ def test_a_host_that_no_machine_is_called_is_refused(host: str, is_right: bool) 
     with pytest.raises(
         UserError, match=rf"^cluster = '.*': {re.escape(host)} is no name of a machine; write one as in"
     ):
-        vr.render(vr.Scene(), cluster=given)
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster=given)
 
 
 # What other programs send to who connects: nothing, a text, a small number as Dask's readers take it, or an end.
@@ -297,24 +300,24 @@ def test_what_answers_as_no_scheduler_is_refused(says: bytes | None, monkeypatch
         other_program(says) as port,
         pytest.raises(UserError, match=rf"^cluster = 'tcp://127.0.0.1:{port}': {reason}"),
     ):
-        vr.render(vr.Scene(), cluster=f"tcp://127.0.0.1:{port}", progress=False)
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster=f"tcp://127.0.0.1:{port}", progress=False)
 
 
 def test_a_configuration_of_tls_that_does_not_fit_is_refused() -> None:
     dask, name = pytest.importorskip("dask"), "distributed.comm"
     pytest.importorskip("distributed")
     with pytest.raises(UserError, match=r"^cluster = 'tls://host:8786': needs certificates; give Dask their files as"):
-        vr.render(vr.Scene(), cluster="tls://host:8786", progress=False)
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster="tls://host:8786", progress=False)
     with (
         dask.config.set({f"{name}.tls.ca-file": "/none", f"{name}.tls.client.cert": "/none"}),
         pytest.raises(UserError, match=r"^cluster = 'tls://host:8786': Dask's configuration of TLS cannot be used, "),
     ):
-        vr.render(vr.Scene(), cluster="tls://host:8786", progress=False)
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster="tls://host:8786", progress=False)
     with (
         dask.config.set({f"{name}.require-encryption": True}),
         pytest.raises(UserError, match=r"^cluster = 'tcp://host:8786': Dask's configuration asks for encryption; use"),
     ):
-        vr.render(vr.Scene(), cluster="tcp://host:8786", progress=False)
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster="tcp://host:8786", progress=False)
 
 
 def test_a_folder_that_a_killed_process_left_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -547,7 +550,7 @@ def test_a_scheduler_that_does_not_answer_is_given_up(monkeypatch: pytest.Monkey
     monkeypatch.setattr(connecting, "ANSWER", 0.3)
     line = r"^cluster = 'tcp://127.0.0.1:9': no scheduler answers within 0.3 s; start one with: dask scheduler$"
     with pytest.raises(UserError, match=line):
-        vr.render(vr.Scene(), cluster="tcp://127.0.0.1:9", progress=False)
+        vr.render(vr.Scene(camera=vr.Camera(), lights={}), cluster="tcp://127.0.0.1:9", progress=False)
 
 
 @SLOW

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import visray as vr
 from visray.adaptive.brightness import Brightness
+from visray.camera import Camera
 from visray.data_report import DataWarning
 from visray.errors import UserError
 from visray.features import features
@@ -74,7 +75,7 @@ def test_derivatives_by_colours() -> None:
 
 
 def test_a_field_that_occurs_twice_is_refused() -> None:
-    scene = Scene(materials={"m": GLASS})
+    scene = Scene(materials={"m": GLASS}, camera=Camera(), lights={})
     assert replaced(scene, "materials.m.colored", ["kd", "ks"]).materials["m"].colored == ("kd", "ks")
     with pytest.raises(UserError, match=r"materials\.m\.colored = .*: has kd twice; name it once"):
         replaced(scene, "materials.m.colored", ["kd", "ks", "kd"])
@@ -83,7 +84,12 @@ def test_a_field_that_occurs_twice_is_refused() -> None:
 
 
 def test_it_is_written_and_read(tmp_path) -> None:
-    scene = Scene(materials={"m": replace(GLASS, colored=("kr", "ks"))}, objects={"ball": Sphere(material="m")})
+    scene = Scene(
+        materials={"m": replace(GLASS, colored=("kr", "ks"))},
+        objects={"ball": Sphere(material="m")},
+        camera=Camera(),
+        lights={},
+    )
     (tmp_path / "scene.json").write_text(dump(scene))
     assert load(tmp_path / "scene.json").materials == scene.materials
 
@@ -101,7 +107,7 @@ def test_a_material_that_shows_no_colour_says_why() -> None:
 
 
 def test_textures_are_left_as_they_are() -> None:
-    scene = Scene(textures={"t": CheckerTexture()}, materials={"m": Material(texture="t")})
+    scene = Scene(textures={"t": CheckerTexture()}, materials={"m": Material(texture="t")}, camera=Camera(), lights={})
     assert scene.materials["m"].with_color((0.0, 0.0, 0.0)).texture == "t"
 
 

@@ -24,6 +24,7 @@ VIEW = vr.Scene(
         "heart": HEART,
         "floor": vr.Plane(point=(0, -1.2, 0)),
     },
+    lights={},
 )
 
 
@@ -65,7 +66,9 @@ def of_heart(tolerance: float = 0.0) -> Prepared:
     """The heart alone, which fills much of the picture."""
     camera = vr.Camera(origin=(3.7, 2.0, 2.7), target=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), fov=30.0)
     film = vr.Film(width=160, height=160)
-    return prepare(vr.Scene(camera=camera, film=film, objects={"heart": replace(HEART, tolerance=tolerance)}))
+    return prepare(
+        vr.Scene(camera=camera, film=film, objects={"heart": replace(HEART, tolerance=tolerance)}, lights={})
+    )
 
 
 def test_the_looser_crossings_are_the_more_is_wrong() -> None:

@@ -743,4 +743,9 @@ def test_paintings_show_pixels_where_they_are(picture: str) -> None:
 
 
 def few_colours(picture: str) -> Scene:
-    return Scene(textures={"it": ImageTexture(file=picture)}, materials={"paint": Material(texture="it")})
+    return Scene(
+        textures={"it": ImageTexture(file=picture)},
+        materials={"paint": Material(texture="it")},
+        camera=Camera(),
+        lights={},
+    )

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from visray import Box, Csg, Cylinder, Disk, Instance, Mesh, Plane, Polynomial, Scene, Sphere
+from visray.camera import Camera
 from visray.primitives.csg_operands import bodies, has_operands, is_solid, operands, own_material
 from visray.transforms import Rotate, Scale, Translate, compose
 
@@ -135,7 +136,7 @@ def test_the_kernel_gives_each_leaf_the_material_of_the_walk():
     inner = Csg(op="union", of=[Instance(geometry="hollow"), Disk(material="x")], cut_material="y", cut=[Sphere()])
     obj = Csg(op="difference", of={"a": Sphere(), "b": inner, "c": Box(cut={"d": Plane()})}, cut_material="red")
     for whole in (obj, replace(obj, material="own"), replace(obj, cut=[Box()]), Instance(geometry="hollow")):
-        scene = Scene(geometries=geometries, objects={"a": whole})
+        scene = Scene(geometries=geometries, objects={"a": whole}, camera=Camera(), lights={})
         leaves = [x for x in operands("objects.a", whole, geometries) if x.is_leaf]
         form = scene.placed_shape(whole).form
         assert [leaf.material for leaf in form.leaves] == [x.material for x in leaves]

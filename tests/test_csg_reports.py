@@ -108,6 +108,7 @@ def spark(size: float) -> vr.Scene:
             "frame": replace(FRAME, material="hot", transform=place),
         },
         settings=vr.Settings(sampler="sobol"),
+        lights={},
     )
 
 

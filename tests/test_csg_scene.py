@@ -46,7 +46,7 @@ def said(obj: dict, geometries: dict | None = None) -> list[str]:
 
 
 def raw(obj: dict, geometries: dict | None = None) -> dict:
-    return {"objects": {"c": obj}, "materials": MATERIALS, "geometries": geometries or {}}
+    return {"objects": {"c": obj}, "materials": MATERIALS, "geometries": geometries or {}, "camera": {}, "lights": {}}
 
 
 def box(**fields: object) -> dict:
@@ -347,7 +347,7 @@ def test_nothing_contains_itself() -> None:
     inner: list = [vr.Sphere()]
     inner.append(vr.Csg(op="union", of=inner))
     with pytest.raises(vr.UserError, match=r"^objects.c: .* nested deeper than 100 levels, or it contains itself"):
-        checked(vr.Scene(objects={"c": inner[1]}))
+        checked(vr.Scene(objects={"c": inner[1]}, camera=vr.Camera(), lights={}))
 
 
 def tower(levels: int) -> vr.Csg:
@@ -361,7 +361,7 @@ def tower(levels: int) -> vr.Csg:
 @pytest.mark.parametrize("levels", [MOST_LEVELS + 1, 200, 2000])
 def test_too_many_levels(levels: int) -> None:
     with pytest.raises(vr.UserError) as caught:
-        checked(vr.Scene(objects={"c": tower(levels)}))
+        checked(vr.Scene(objects={"c": tower(levels)}, camera=vr.Camera(), lights={}))
     assert caught.value.lines == (
         f"objects.c: its operands are nested deeper than {MOST_LEVELS} levels, or it contains itself; "
         "write them as one list",
@@ -369,7 +369,7 @@ def test_too_many_levels(levels: int) -> None:
 
 
 def test_as_many_levels_as_there_may_be(tmp_path: Path) -> None:
-    scene = checked(vr.Scene(objects={"c": tower(MOST_LEVELS)}))
+    scene = checked(vr.Scene(objects={"c": tower(MOST_LEVELS)}, camera=vr.Camera(), lights={}))
     path = tmp_path / "tower.json"
     path.write_text(dump(scene))
     assert load(path) == scene
@@ -402,7 +402,7 @@ def test_transforms_go_on_through_geometries() -> None:
 def test_too_many_operands() -> None:
     many = vr.Csg(op="union", of=[vr.Sphere()] * (MOST_OPERANDS + 1))
     with pytest.raises(vr.UserError, match=r"^objects.c: has 10,001 operands; at most 10,000 are possible"):
-        checked(vr.Scene(objects={"c": many}))
+        checked(vr.Scene(objects={"c": many}, camera=vr.Camera(), lights={}))
     # Geometries that hold each other twice: their number is found without looking at each.
     geometries = {"g0": csg("union", BALL, BOX)}
     for i in range(1, 60):
@@ -428,7 +428,7 @@ NAMED = {
 
 
 def named() -> vr.Scene:
-    return examined({"objects": NAMED})[0]
+    return examined({"objects": NAMED, "camera": {}, "lights": {}})[0]
 
 
 def test_values_have_addresses_at_any_depth() -> None:
@@ -493,7 +493,7 @@ def test_a_wrong_new_value_of_an_operand_is_named() -> None:
 
 def test_set_reaches_operands_and_cuts(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     path = tmp_path / "x.json"
-    path.write_text(json.dumps({"objects": NAMED}))
+    path.write_text(json.dumps({"objects": NAMED, "camera": {}, "lights": {}}))
     for assignment, expected in (
         ("objects.c.of.hole.radius=-1", "objects.c.of.hole.radius = -1: must be greater than 0"),
         ("objects.c.of.hol.radius=1", "objects.c.of.hol.radius: objects.c.of has no 'hol'; did you mean"),
@@ -539,7 +539,11 @@ def ordered(obj: Primitive) -> list:
 @given(st.integers(0, 2**32), st.booleans())
 def test_what_is_written_is_read(seed: int, solid: bool) -> None:
     rng = random.Random(seed)
-    scene = checked(vr.Scene(objects={"c": grown(rng, 3, solid)}, materials={"red": MATERIALS["red"]}))
+    scene = checked(
+        vr.Scene(
+            objects={"c": grown(rng, 3, solid)}, materials={"red": MATERIALS["red"]}, camera=vr.Camera(), lights={}
+        )
+    )
     text = dump(scene)
     again = examined(json.loads(text))[0]
     assert again == scene and again.hash() == scene.hash()
@@ -553,7 +557,7 @@ def test_what_is_written_is_read(seed: int, solid: bool) -> None:
 
 def test_the_order_of_operands_is_kept_beside_that_of_a_file(tmp_path: Path) -> None:
     path = tmp_path / "x.json"
-    path.write_text(json.dumps({"objects": {"c": csg("union", NAMED["c"], BOX)}}))
+    path.write_text(json.dumps({"objects": {"c": csg("union", NAMED["c"], BOX)}, "camera": {}, "lights": {}}))
     scene = load(path)
     inner = scene.objects["c"].of[0]
     turned = replace(inner, of=dict(reversed(inner.of.items())))
@@ -573,6 +577,8 @@ def test_materials_of_operands_are_in_use() -> None:
                 "c": csg("difference", box(material="body"), ball(material="hole"), BOX, cut_material="pale"),
                 "i": {"type": "instance", "geometry": "g", "material": "own"},
             },
+            "camera": {},
+            "lights": {},
         }
     )[0]
     assert set(used_materials(scene)) == {"body", "hole", "pale", "of geometry", "own", "back"}
@@ -583,7 +589,13 @@ def test_materials_of_operands_are_in_use() -> None:
 def test_effects_that_only_operands_need() -> None:
     def on(name: str, obj: dict, **materials: dict) -> bool:
         lights = {"l": {"type": "point", "position": [0, 9, 0]}}
-        raw = {"objects": {"c": obj}, "materials": materials, "textures": {"t": {"type": "checker"}}, "lights": lights}
+        raw = {
+            "objects": {"c": obj},
+            "materials": materials,
+            "textures": {"t": {"type": "checker"}},
+            "lights": lights,
+            "camera": {},
+        }
         return features(examined(raw)[0])[name]
 
     inner, plain = csg("difference", BOX, csg("union", BALL, ball(material="m"))), csg("difference", BOX, BALL)
@@ -609,7 +621,7 @@ FAR = box(transform=[{"translate": [9, 0, 0]}])
 def notes(**objects: dict) -> list[str]:
     geometries = {"g": csg("merge", FAR, FAR, {"type": "torus", "transform": FAR["transform"]})}
     used = {"use": {"type": "instance", "geometry": "g"}}
-    return csg_notes(examined({"objects": objects | used, "geometries": geometries})[0])[1:]
+    return csg_notes(examined({"objects": objects | used, "geometries": geometries, "camera": {}, "lights": {}})[0])[1:]
 
 
 @pytest.mark.parametrize(
@@ -671,19 +683,19 @@ def test_many_objects_are_counted() -> None:
 
 
 def test_an_empty_object_is_said_once_when_it_is_prepared() -> None:
-    scene = examined({"objects": {"nothing": csg("intersection", BALL, FAR)}})[0]
+    scene = examined({"objects": {"nothing": csg("intersection", BALL, FAR)}, "camera": {}, "lights": {}})[0]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         for _ in range(2):
             vr.prepare(scene)
-        vr.prepare(examined({"objects": {"something": csg("intersection", BALL, BOX)}})[0])
+        vr.prepare(examined({"objects": {"something": csg("intersection", BALL, BOX)}, "camera": {}, "lights": {}})[0])
     (warning,) = caught
     assert warning.category is CsgWarning and warning.filename == __file__
     assert str(warning.message).startswith("objects.nothing: is empty, as the boxes of objects.nothing.of.0 and ")
 
 
 def test_a_cut_that_does_not_reach_is_said_once_when_it_is_prepared() -> None:
-    scene = examined({"objects": {"whole": ball(cut=[FAR])}})[0]
+    scene = examined({"objects": {"whole": ball(cut=[FAR])}, "camera": {}, "lights": {}})[0]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         for _ in range(2):
@@ -694,7 +706,7 @@ def test_a_cut_that_does_not_reach_is_said_once_when_it_is_prepared() -> None:
 
 def test_explain_says_of_what_objects_are_made(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     path = tmp_path / "x.json"
-    path.write_text(json.dumps({"objects": {"c": csg("difference", BOX, BALL)}}))
+    path.write_text(json.dumps({"objects": {"c": csg("difference", BOX, BALL)}, "camera": {}, "lights": {}}))
     assert main(["explain", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["notes"] == ["objects.c: a difference of 2 shapes: 1 box, 1 sphere"]
 
@@ -707,7 +719,7 @@ def test_explain_says_of_what_objects_are_made(tmp_path: Path, capsys: pytest.Ca
     ],
 )
 def test_a_picture_of_nothing_says_so(obj: dict, what: str) -> None:
-    scene = replace(examined({"objects": {"c": obj}})[0], film=vr.Film(width=8, height=6))
+    scene = replace(examined({"objects": {"c": obj}, "camera": {}, "lights": {}})[0], film=vr.Film(width=8, height=6))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         vr.render(scene, layers=["RGB"], progress=False)

@@ -6,6 +6,7 @@ import pytest
 from samples import geometry_of
 
 from visray.accel.culling import DirectionCone, ball_guard, plane_guard
+from visray.camera import Camera
 from visray.primitives import Plane
 from visray.quantities import Arrays
 from visray.scene.scene import Scene
@@ -77,7 +78,11 @@ def test_a_plane_that_a_ray_meets_is_near_its_cone_and_a_candidate(cones: tuple)
         # From steep to all but along the ray.
         n = np.cross(d[i], rng.normal(size=3))
         n = n / np.linalg.norm(n) + 10 ** rng.uniform(-6, 1) * d[i]
-        scene = Scene(objects={"p": Plane(point=tuple((o[i] + t[i] * d[i]).tolist()), normal=tuple(n.tolist()))})
+        scene = Scene(
+            objects={"p": Plane(point=tuple((o[i] + t[i] * d[i]).tolist()), normal=tuple(n.tolist()))},
+            camera=Camera(),
+            lights={},
+        )
         g = plane_guard(A, geometry_of(scene).batches[0], triples(o[i : i + 1]))
         cone = DirectionCone.around(A, triples(way[i : i + 1]), A.D(float(radius[i])))
         dr.eval(g, cone)

@@ -28,7 +28,7 @@ OUTLINE = {"type": "LineString", "coordinates": [[0, 0], [10, 10], [30, 5]]}
 def scene(**fields) -> vr.Scene:
     fields = {"source": TABLE} | fields
     sizes = {"radius": 0.1} if fields.get("gizmo") == "line" else {"value": "rain"}
-    return vr.Scene(data=vr.Data(layers={"rain": vr.DataLayer(**sizes | fields)}))
+    return vr.Scene(data=vr.Data(layers={"rain": vr.DataLayer(**sizes | fields)}), camera=vr.Camera(), lights={})
 
 
 def loaded(folder: Path, layer: dict) -> vr.Scene:
@@ -102,7 +102,7 @@ def test_columns_with_missing_numbers_are_equal_when_they_are_read_again(tmp_pat
         {"source": TABLE | {"rain": given}, "value": "rain"},
     ]
     for source in sources:
-        made = checked(vr.Scene(data=vr.Data(layers={"a": vr.DataLayer(**source)})))
+        made = checked(vr.Scene(data=vr.Data(layers={"a": vr.DataLayer(**source)}), camera=vr.Camera(), lights={}))
         (tmp_path / "scene.json").write_text(vr.dump(made))
         again = vr.load(tmp_path / "scene.json")
         assert again == made and again.hash() == made.hash() and hash(again.data.layers["a"].source) is not None

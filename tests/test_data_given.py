@@ -20,7 +20,7 @@ TOWNS = ["Berlin", "Wien", "Bern", "Rom"]
 def scene(legend: vr.Legend | None = None, **fields) -> vr.Scene:
     layer = vr.DataLayer(**{"source": TABLE} | fields)
     camera = vr.Camera(origin=(4.0, 2.0, -1.0))
-    return checked(vr.Scene(camera=camera, data=vr.Data(layers={"caps": layer}, legend=legend)))
+    return checked(vr.Scene(camera=camera, data=vr.Data(layers={"caps": layer}, legend=legend), lights={}))
 
 
 def refused(**fields) -> tuple[str, ...]:

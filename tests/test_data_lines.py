@@ -133,7 +133,11 @@ def test_only_segments_between_opposite_edges_are_left_out(source):
         ((-180, 180, -60, 60), [0], {"segments across the edge of the map": 1}),
         ((-20, 340, -60, 60), [0, 1], {}),
     ):
-        made = checked(vr.Scene(data=vr.Data(base=vr.MapBase(extent=extent), layers={"roads": layer})))
+        made = checked(
+            vr.Scene(
+                data=vr.Data(base=vr.MapBase(extent=extent), layers={"roads": layer}), camera=vr.Camera(), lights={}
+            )
+        )
         rows = made.data.rows["roads"]
         assert (rows.number.tolist(), rows.counts) == (lines, counts)
 

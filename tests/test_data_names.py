@@ -29,7 +29,11 @@ def test_the_command_and_scenes_name_the_same_rows(tmp_path, header):
     made = data_picture(str(path), Wishes(), "map.png").scene
     assert {place.name for place in legend_content(made).places} == {name for *_, name in ROWS}
     layer = vr.DataLayer(source=str(path), height=0.1)
-    scene = checked(vr.Scene(data=vr.Data(layers={"capitals": layer}, legend=vr.Legend(places="all"))))
+    scene = checked(
+        vr.Scene(
+            data=vr.Data(layers={"capitals": layer}, legend=vr.Legend(places="all")), camera=vr.Camera(), lights={}
+        )
+    )
     assert scene.data.rows["capitals"].texts == tuple(name for *_, name in ROWS)
 
 
@@ -37,7 +41,11 @@ def test_the_command_and_scenes_name_the_same_rows(tmp_path, header):
 def test_without_names_the_legend_says_so(places):
     lon, lat, _ = (list(column) for column in zip(*ROWS))
     layer = vr.DataLayer(source={"lon": lon, "lat": lat, "v": np.arange(3.0)}, value="v")
-    scene = checked(vr.Scene(data=vr.Data(layers={"capitals": layer}, legend=vr.Legend(places=places))))
+    scene = checked(
+        vr.Scene(
+            data=vr.Data(layers={"capitals": layer}, legend=vr.Legend(places=places)), camera=vr.Camera(), lights={}
+        )
+    )
     notes = legend_content(scene).notes
     assert [note for note in notes if "no layer has a column of names" in note] and not legend_content(scene).places
     assert not any("has the name" in note for note in notes)

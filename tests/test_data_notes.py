@@ -25,7 +25,9 @@ SOLIDS = [name for name in GIZMOS if name not in ("line", "geometry")]
 
 def scene(base: str = "globe", legend: vr.Legend | None = None, **fields) -> vr.Scene:
     layer = vr.DataLayer(**{"source": TABLE} | fields)
-    return checked(vr.Scene(data=vr.Data(base=BASES[base], layers={"caps": layer}, legend=legend)))
+    return checked(
+        vr.Scene(data=vr.Data(base=BASES[base], layers={"caps": layer}, legend=legend), camera=vr.Camera(), lights={})
+    )
 
 
 def loaded(folder: Path, text: str, layer: dict, base: dict | None = None) -> vr.Scene:
@@ -102,6 +104,7 @@ def test_keys_of_a_logarithmic_scale_span_it() -> None:
         data=vr.Data(
             layers={"x": vr.DataLayer(source=source, height=vr.SizeRule(column="v", scale="log"))}, legend=vr.Legend()
         ),
+        lights={},
     )
     (scale,) = legend_content(checked(made)).sizes
     numbers = [float(text) for text, _ in scale.entries]
@@ -209,6 +212,8 @@ def test_glass_that_hides_colours_has_a_note() -> None:
         made = vr.Scene(
             materials={"glass": vr.Material(**{"kt": (0.9, 0.9, 0.9)} | fields)},
             data=vr.Data(layers={"caps": vr.DataLayer(source=TABLE, color="rain", material="glass")}),
+            camera=vr.Camera(),
+            lights={},
         )
         return [note for note in data_notes(checked(made)) if "glass" in note]
 

@@ -13,7 +13,7 @@ PLACES = {"lon": [0.0, 20.0, 40.0], "lat": [0.0, 10.0, -10.0], "rain": [1.0, 2.0
 
 def notes(base: object, source: dict = PLACES, **fields) -> list[str]:
     layer = vr.DataLayer(**{"source": source, "height": "rain", "radius": 0.1, "color": "rain"} | fields)
-    made = checked(vr.Scene(data=vr.Data(base=base, layers={"a": layer})))
+    made = checked(vr.Scene(data=vr.Data(base=base, layers={"a": layer}), camera=vr.Camera(), lights={}))
     return [text for text in made.data.notes() if "noise" in text or "stand in" in text]
 
 
@@ -62,7 +62,7 @@ def test_the_note_on_rows_of_one_place_names_the_dates() -> None:
 def lines(coordinates: list, base: object) -> tuple[np.ndarray, np.ndarray, dict]:
     source = {"type": "MultiLineString", "coordinates": coordinates}
     layer = vr.DataLayer(source=source, gizmo="line", radius=0.01)
-    rows = checked(vr.Scene(data=vr.Data(base=base, layers={"a": layer}))).data.rows["a"]
+    rows = checked(vr.Scene(data=vr.Data(base=base, layers={"a": layer}), camera=vr.Camera(), lights={})).data.rows["a"]
     return rows.fields["a"].T, rows.fields["b"].T, rows.counts
 
 

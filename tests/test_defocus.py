@@ -35,7 +35,9 @@ def lens_rays(
     camera: Camera, x: Any, y: Any, u: Any, v: Any, precision: str = "double"
 ) -> tuple[np.ndarray, np.ndarray]:
     """Origins and directions of the rays for points of the picture and points of the unit square. Shapes: (N, 3)."""
-    made = prepare(Scene(camera=camera, film=Film(width=30, height=20), settings=Settings(precision=precision)))
+    made = prepare(
+        Scene(camera=camera, film=Film(width=30, height=20), settings=Settings(precision=precision), lights={})
+    )
     n = np.broadcast(x, y, u, v).size
     x, y, u, v = (made.a.put(made.a.F, np.array(np.broadcast_to(w, n), float)) for w in (x, y, u, v))
     ray = integrator.lens_ray(made.kernel, x, y, u, v)

@@ -385,7 +385,7 @@ def test_the_exr_has_the_channels_that_the_page_lists(folder):
 BALL, HEART = {"type": "sphere"}, {"type": "polynomial", "surface": "heart"}
 GLASS, RED = ({**BALL, "material": material} for material in ("glass", "red"))
 WRONG = {
-    "scenes": {"objects": {"ball": {"type": "sphere", "radius": -1, "colour": "red"}}},
+    "scenes": {"objects": {"ball": {"type": "sphere", "radius": -1, "colour": "red"}}, "camera": {}, "lights": {}},
     "csg": {
         "materials": {"glass": {"kt": [0.9, 0.9, 0.9]}, "red": {}},
         "objects": {
@@ -393,7 +393,7 @@ WRONG = {
             "b": {"type": "csg", "op": "difference", "of": [BALL, {"type": "disk"}]},
             "c": {"type": "csg", "op": "union", "of": {"ball": BALL, "heart": HEART}},
             "d": {"type": "csg", "op": "difference", "of": [GLASS, RED]},
-        },
+        }, "camera": {}, "lights": {},
     },
 }  # fmt: skip
 

@@ -160,5 +160,5 @@ def test_the_file_of_a_geometry_is_relative_to_the_scene(tmp_path: Path) -> None
 )
 def test_what_is_wrong_is_said_in_one_line(geometries: dict, objects: dict, line: str) -> None:
     objects = {name: {"type": "instance"} | x for name, x in objects.items()}
-    raw = {"materials": {"red": {}}, "geometries": geometries, "objects": objects}
+    raw = {"materials": {"red": {}}, "geometries": geometries, "objects": objects, "camera": {}, "lights": {}}
     assert examined(raw)[1] == [line]

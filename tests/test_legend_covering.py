@@ -32,6 +32,7 @@ def scene(position: str, gizmo: str = "disk", count: int = 15) -> vr.Scene:
                 layers={"rain": layer},
                 legend=vr.Legend(position=position),
             ),
+            lights={},
         )
     )
 
@@ -59,7 +60,10 @@ def test_rows_behind_a_globe_are_not_hidden_by_the_legend() -> None:
     layer = vr.DataLayer(source={"lon": lon, "lat": 0 * lon, "v": lon + 1}, height=0.1, color="v")
     made = checked(
         vr.Scene(
-            camera=vr.Camera(origin=(5, 0, 0)), film=vr.Film(width=400, height=300), data=vr.Data(layers={"a": layer})
+            camera=vr.Camera(origin=(5, 0, 0)),
+            film=vr.Film(width=400, height=300),
+            data=vr.Data(layers={"a": layer}),
+            lights={},
         )
     )
     (note,) = covering_notes(made, [WHOLE])

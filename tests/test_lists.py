@@ -45,7 +45,7 @@ def scene_of(rows: Balls | Triangles) -> vr.Scene:
         points = np.stack([rows.a, rows.b, rows.c], 1).reshape(-1, 3)
         faces = np.arange(len(points)).reshape(-1, 3)
         objects = {"m": vr.Mesh(vertices=points, faces=faces, normals="face")}
-    return vr.Scene(objects=objects, settings=vr.Settings(accelerator="lists"))
+    return vr.Scene(objects=objects, settings=vr.Settings(accelerator="lists"), camera=vr.Camera(), lights={})
 
 
 def lost(lists: RowLists, rows: Balls | Triangles, o: np.ndarray, d: np.ndarray, d32: object) -> tuple[int, int]:

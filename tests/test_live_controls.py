@@ -34,7 +34,7 @@ BASES = {kind.__dataclass_fields__["type"].default: kind() for kind in base.KIND
 def rained(**more) -> vr.Scene:
     """A scene with rain in three towns."""
     layer = {"source": TABLE, "value": "rain", "gizmo": "cylinder", "radius": 0.1, **more}
-    return checked(vr.Scene(data=vr.Data(layers={"rain": vr.DataLayer(**layer)})))
+    return checked(vr.Scene(data=vr.Data(layers={"rain": vr.DataLayer(**layer)}), camera=vr.Camera(), lights={}))
 
 
 def scene_of(what: str) -> vr.Scene:
@@ -42,16 +42,20 @@ def scene_of(what: str) -> vr.Scene:
     if what in NAMES:
         posed = SAMPLES[what].posed
         thing = replace(posed, material="red", transform=(vr.Rotate(rotate=10.0), vr.Scale(scale=2.0)))
-        return checked(vr.Scene(materials=MATERIALS, objects={"it": thing}))
+        return checked(vr.Scene(materials=MATERIALS, objects={"it": thing}, camera=vr.Camera(), lights={}))
     if what in LIGHT_NAMES:
-        return checked(vr.Scene(lights={"it": light_sample(what).posed}))
+        return checked(vr.Scene(lights={"it": light_sample(what).posed}, camera=vr.Camera()))
     if what in BASES:
         return checked(replace(rained(), data=replace(rained().data, base=BASES[what])))
     kinds = {kind.type: kind for kind in camera.KINDS}
     if what in kinds:
-        return checked(vr.Scene(camera=kinds[what](shutter=vr.Shutter())))
+        return checked(vr.Scene(camera=kinds[what](shutter=vr.Shutter()), lights={}))
     checker = textures.CheckerTexture()
-    return checked(vr.Scene(materials=MATERIALS, textures={"it": checker}, background=(0.1, 0.2, 0.3)))
+    return checked(
+        vr.Scene(
+            materials=MATERIALS, textures={"it": checker}, background=(0.1, 0.2, 0.3), camera=vr.Camera(), lights={}
+        )
+    )
 
 
 WHAT = [*NAMES, *LIGHT_NAMES, *BASES, *(kind.type for kind in camera.KINDS), "material"]
@@ -116,7 +120,7 @@ def test_limits_of_single_numbers_hold(what):
 
 def test_kinds():
     spot, plane = light_sample("SpotLight").posed, vr.Plane(transform=(vr.Rotate(rotate=3.0),))
-    scene = checked(vr.Scene(materials=MATERIALS, lights={"it": spot}, objects={"it": plane}))
+    scene = checked(vr.Scene(materials=MATERIALS, lights={"it": spot}, objects={"it": plane}, camera=vr.Camera()))
     at = {a: Controls(scene).at(a) for a in Controls(scene).texts}
     kinds = {a: c.kind for a, c in at.items()}
     assert kinds["materials.red.kd"] == "color" and kinds["materials.red.kr"] == "share"
@@ -139,7 +143,7 @@ colours = st.tuples(*[st.floats(0, 1)] * 3)
 
 @given(colours)
 def test_a_colour_that_is_not_touched_keeps_all_digits(rgb):
-    scene = checked(vr.Scene(ambient=rgb))
+    scene = checked(vr.Scene(ambient=rgb, camera=vr.Camera(), lights={}))
     c = control(scene, "ambient", 1.0)
     assert c.picked(c.picker) == rgb
     # The picker shows sRGB, rounded to 8 bits.
@@ -148,14 +152,14 @@ def test_a_colour_that_is_not_touched_keeps_all_digits(rgb):
 
 @given(st.tuples(*[st.integers(0, 255)] * 3))
 def test_a_picked_colour_is_shown_as_it_was_picked(rgb):
-    c = control(vr.Scene(), "ambient", 1.0)
+    c = control(vr.Scene(camera=vr.Camera(), lights={}), "ambient", 1.0)
     light = c.picked(rgb)
     assert c.with_value(light).picker == rgb
     assert max(light) <= 1
 
 
 def test_a_bright_colour_keeps_its_brightness():
-    scene = checked(vr.Scene(lights={"it": vr.PointLight(position=(0, 5, 0), Id=(4.0, 2.0, 1.0))}))
+    scene = checked(vr.Scene(lights={"it": vr.PointLight(position=(0, 5, 0), Id=(4.0, 2.0, 1.0))}, camera=vr.Camera()))
     c = control(scene, "lights.it.Id", 1.0)
     assert c.scale == 4 and c.picker[0] == 255
     assert c.picked((255, 255, 255)) == (4.0, 4.0, 4.0)
@@ -247,6 +251,7 @@ def test_what_a_track_moves_says_so():
 BALLS = checked(vr.Scene(
     materials=MATERIALS | {"Blue": vr.Material()},
     objects={f"ball {i}": vr.Sphere(center=(float(i), 0.0, 0.0), material="Blue") for i in range(10_000)},
+    camera=vr.Camera(), lights={},
 ))  # fmt: skip
 
 
@@ -276,7 +281,7 @@ def test_materials_and_lights_come_before_objects():
 
 def test_parameters_of_a_polynomial_come_first():
     heart = vr.Polynomial(expression="x^2 + y^2 - z^2 - a", parameters={"a": 0.5})
-    found = Controls(checked(vr.Scene(objects={"it": heart}))).relevant(5)
+    found = Controls(checked(vr.Scene(objects={"it": heart}, camera=vr.Camera(), lights={}))).relevant(5)
     assert found.controls[0].address == "objects.it.parameters.a"
     assert (found.controls[0].low, found.controls[0].high) == (-1, 1)
 
@@ -290,7 +295,14 @@ def test_controls_of_an_object_have_those_of_its_materials():
 
 def test_of_csg_the_clicked_operand_comes_first_and_the_materials_are_shown():
     balls = tuple(vr.Sphere(center=(float(i), 0.0, 0.0), material="red") for i in range(20))
-    scene = checked(vr.Scene(materials=MATERIALS, objects={"all": vr.Csg(op="union", of=balls, material="red")}))
+    scene = checked(
+        vr.Scene(
+            materials=MATERIALS,
+            objects={"all": vr.Csg(op="union", of=balls, material="red")},
+            camera=vr.Camera(),
+            lights={},
+        )
+    )
     found = Controls(scene).of_object("objects.all.of.7", 20)
     addresses = [c.address for c in found.controls]
     assert addresses[:2] == ["objects.all.of.7.center", "objects.all.of.7.radius"]
@@ -315,7 +327,9 @@ def test_rows_of_lines_have_no_controls():
 
 
 def test_a_priority_is_typed_in_whole_steps():
-    for scene in (vr.Scene(materials={"red": vr.Material(priority=p)}) for p in (0.0, -3.0, 250.0)):
+    for scene in (
+        vr.Scene(materials={"red": vr.Material(priority=p)}, camera=vr.Camera(), lights={}) for p in (0.0, -3.0, 250.0)
+    ):
         found = Controls(checked(scene)).at("materials.red.priority")
         assert not found.has_slider
         assert found.step == 1.0
@@ -357,7 +371,7 @@ SMALL = checked(vr.Scene(
         "ball": vr.Sphere(radius=0.7, material="red", transform=(vr.Rotate(rotate=5.0), vr.Scale(scale=1.1))),
         "egg": vr.Polynomial(expression="x^2 + a*y^2 + z^2 - b", parameters={"a": 0.7, "b": 0.9}, clip=vr.Ball()),
     },
-    settings=vr.Settings(spp=1),
+    settings=vr.Settings(spp=1), camera=vr.Camera(),
 ))  # fmt: skip
 
 

@@ -90,7 +90,7 @@ def test_what_no_command_makes_is_said() -> None:
 
 
 def test_only_pictures_of_surfaces_have_a_recipe() -> None:
-    assert recipe_of(vr.Scene()) is None
+    assert recipe_of(vr.Scene(camera=vr.Camera(), lights={})) is None
     assert recipe_of(vr.surface_scene("heart")) == Recipe("heart")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

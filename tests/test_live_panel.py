@@ -23,7 +23,7 @@ SCENE = checked(vr.Scene(
         "ball": vr.Sphere(radius=0.7, material="red"),
         "crate": vr.Box(min=(-1, -1, -1), max=(1, 1, 1), material=TAG),
         TAG: vr.Sphere(material=TAG),
-    },
+    }, camera=vr.Camera(),
 ))  # fmt: skip
 UP = vr.KeysTrack(address="objects.ball.center", times=(0.0, 4.0), values=((0.0, 0.0, 0.0), (0.0, 4.0, 0.0)))
 TABLE = {"lon": [0.0, 10.0, 20.0], "lat": [50.0, 51.0, 52.0], "rain": [3.0, 1.0, 2.0]}
@@ -258,7 +258,7 @@ def test_play_and_pause(panel_of):
 
 def test_the_range_of_a_palette(panel_of):
     layer = vr.DataLayer(source=TABLE, value="rain", color="rain", gizmo="cylinder", radius=0.1)
-    panel = panel_of(checked(vr.Scene(data=vr.Data(layers={"rain": layer}))))
+    panel = panel_of(checked(vr.Scene(data=vr.Data(layers={"rain": layer}), camera=vr.Camera(), lights={})))
     widget = next(w for w in panel.widgets if w.control.address == "data.layers.rain.color.domain")
     assert widget.handle.value == (1.0, 3.0)
     widget.handle.value = (0.5, 3.0)
@@ -308,7 +308,7 @@ def test_two_browsers_agree(panel):
 
 def test_a_number_of_a_row(panel_of):
     layer = vr.DataLayer(source=TABLE, value="rain", gizmo="cylinder", radius=0.1)
-    panel = panel_of(checked(vr.Scene(data=vr.Data(layers={"rain": layer}))))
+    panel = panel_of(checked(vr.Scene(data=vr.Data(layers={"rain": layer}), camera=vr.Camera(), lights={})))
     panel.focus_on("data.rain.1")
     height = next(w for w in panel.widgets if w.control.address == "data.rain.1.height")
     height.handle.value = 2.5

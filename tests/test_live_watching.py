@@ -19,6 +19,8 @@ BALL = {
     "textures": {"t": {"type": "image", "file": "t.png"}},
     "materials": {"m": {"texture": "t"}},
     "objects": {"ball": {"type": "sphere", "radius": 1.0, "material": "m"}},
+    "camera": {},
+    "lights": {},
 }
 
 
@@ -157,7 +159,7 @@ def test_files_that_the_scene_names_are_watched(file: Path, watch: FileWatch) ->
 
 def test_a_file_that_only_a_broken_scene_names_is_watched(file: Path, watch: FileWatch) -> None:
     """A mesh that does not exist yet: the scene is read again when it comes."""
-    mesh = {"objects": BALL["objects"] | {"m": {"type": "mesh", "file": "m.obj"}}}
+    mesh = {"objects": BALL["objects"] | {"m": {"type": "mesh", "file": "m.obj"}}, "camera": {}, "lights": {}}
     written(file, BALL | mesh)
     assert settled(watch) is None and "m.obj" in watch.lines[0]
     file.with_name("m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")

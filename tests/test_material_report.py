@@ -22,7 +22,7 @@ LAMP = {"lamp": vr.PointLight(position=(0, 5, 5))}
 
 def scene_of(objects: dict, **materials: vr.Material) -> vr.Scene:
     return vr.Scene(film=vr.Film(width=4, height=3), objects=objects, materials=materials, lights=LAMP,
-                    settings=vr.Settings(spp=1))  # fmt: skip
+                    settings=vr.Settings(spp=1), camera=vr.Camera())  # fmt: skip
 
 
 def notes(scene: vr.Scene) -> list[str]:
@@ -148,6 +148,8 @@ def test_the_command_line_says_both(tmp_path: Any, capsys: Any) -> None:
             "cup": {"type": "disk", "material": "glass"},
             "ball": {"type": "sphere", "center": [3, 0, 0], "material": "mirror"},
         },
+        "camera": {},
+        "lights": {},
     }
     path = tmp_path / "a.json"
     path.write_text(json.dumps(raw))

@@ -117,7 +117,11 @@ class Closed:
         return self.vertices[a] * (1 - w) + self.vertices[b] * w, self.around[what][i]
 
     def scene(self) -> vr.Scene:
-        return vr.Scene(objects={"m": vr.Mesh(vertices=self.vertices, faces=self.faces, normals="face")})
+        return vr.Scene(
+            objects={"m": vr.Mesh(vertices=self.vertices, faces=self.faces, normals="face")},
+            camera=vr.Camera(),
+            lights={},
+        )
 
 
 def first_hits(geometry: object, o: np.ndarray, d: np.ndarray) -> np.ndarray:
@@ -276,7 +280,7 @@ def objects_around(rng: np.random.Generator, offset: np.ndarray, meshes: tuple) 
         objects[f"ball{i}"] = vr.Sphere(center=tuple(centre.tolist()), radius=float(rng.uniform(0.02, 0.4)))
     for i, mesh in enumerate(meshes):
         objects[f"mesh{i}"] = vr.Mesh(vertices=mesh.vertices + offset, faces=mesh.faces, normals="face")
-    return vr.Scene(objects=objects)
+    return vr.Scene(objects=objects, camera=vr.Camera(), lights={})
 
 
 BODY = trimesh.creation.icosphere(subdivisions=2)

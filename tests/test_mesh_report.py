@@ -111,7 +111,7 @@ def test_a_pipe_in_place_of_a_mesh_is_refused(tmp_path, capsys):
 
 def test_a_mesh_file_that_goes_bad_after_loading_is_an_error_in_one_line(tmp_path):
     file = folder_of(tmp_path) / "closed.off"
-    scene = vr.Scene(objects={"m": vr.Mesh(file=str(file))})
+    scene = vr.Scene(objects={"m": vr.Mesh(file=str(file))}, camera=vr.Camera(), lights={})
     vr.explain(scene)
     file.write_text("OFF\n")
     with pytest.raises(vr.UserError, match=r"^objects\.m\.file = "):
@@ -128,10 +128,14 @@ def test_a_geometry_without_texture_coordinates_takes_no_texture(tmp_path):
         materials={"painted": vr.Material(texture="squares")},
         geometries={"m": vr.Mesh(file=str(file))},
         objects={"one": vr.Instance(geometry="m"), "two": vr.Instance(geometry="m", material="painted")},
+        camera=vr.Camera(),
+        lights={},
     )
     with pytest.raises(vr.UserError, match=r"^objects\.two\.material = \"painted\": has the texture 'squares', and "):
         vr.explain(scene)
-    plain = vr.Scene(geometries=scene.geometries, objects={"one": vr.Instance(geometry="m")})
+    plain = vr.Scene(
+        geometries=scene.geometries, objects={"one": vr.Instance(geometry="m")}, camera=vr.Camera(), lights={}
+    )
     assert [facts.address for facts in vr.explain(plain).meshes] == ["geometries.m"]
     file.unlink()
     with pytest.raises(vr.UserError, match=r"^geometries\.m\.file = .*: there is no such file; check the path$"):
@@ -144,6 +148,8 @@ def test_lists_without_texture_coordinates_may_have_a_texture():
         textures={"squares": vr.CheckerTexture()},
         materials={"painted": vr.Material(texture="squares")},
         objects={"m": vr.Mesh(vertices=CORNERS, faces=[[0, 1, 2]], material="painted")},
+        camera=vr.Camera(),
+        lights={},
     )
     assert vr.explain(scene)["textures"]
 
@@ -167,7 +173,9 @@ def test_what_a_file_loses_is_said_once(tmp_path, capsys):
         warnings.simplefilter("default")
         code, lines = said(tmp_path, capsys, {"file": "a.obj"}, "render", *options)
         assert (code, lines) == (0, [f"visray: note: {note}" for note in NOTES])
-    scene = vr.Scene(objects={name: vr.Mesh(file=str(tmp_path / "a.obj")) for name in "ab"})
+    scene = vr.Scene(
+        objects={name: vr.Mesh(file=str(tmp_path / "a.obj")) for name in "ab"}, camera=vr.Camera(), lights={}
+    )
     assert mesh_notes(scene) == [f"{tmp_path}/{note}" for note in NOTES]
 
 
@@ -175,7 +183,9 @@ def test_turned_triangles_are_counted():
     points, faces = [*CORNERS, [0, 0, 1]], np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 
     def facts(faces):
-        return mesh_facts(vr.Scene(objects={"m": vr.Mesh(vertices=points, faces=faces)}))[0]
+        return mesh_facts(
+            vr.Scene(objects={"m": vr.Mesh(vertices=points, faces=faces)}, camera=vr.Camera(), lights={})
+        )[0]
 
     assert (facts(faces).closed, facts(faces).notes) == (True, ())
     assert facts(faces[:, ::-1]).notes == ("4 triangles were turned to face outwards",)
@@ -192,7 +202,9 @@ def test_turned_triangles_are_counted():
 def test_a_mesh_far_from_the_origin_says_how_exact_its_points_are(shift, size, far):
     """Points are as exact as 2^-53 of their distance. That is said if it is more than 2^-24 of the mesh's size."""
     steps = vr.Scale(scale=(size,) * 3), vr.Translate(translate=(shift - size, 0.0, 0.0))
-    scene = vr.Scene(objects={"m": vr.Mesh(vertices=CORNERS, faces=[[0, 1, 2]], transform=steps)})
+    scene = vr.Scene(
+        objects={"m": vr.Mesh(vertices=CORNERS, faces=[[0, 1, 2]], transform=steps)}, camera=vr.Camera(), lights={}
+    )
     notes = mesh_notes(scene)
     assert bool(notes) == far == (shift * 2.0**-53 > 2.0**-24 * size)
     if far:
@@ -205,12 +217,18 @@ def test_a_mesh_far_from_the_origin_says_how_exact_its_points_are(shift, size, f
 def test_coordinates_of_single_precision_far_away_are_said(tmp_path):
     """Numbers near 5,000,000 lie 0.5 apart in single precision."""
     points = np.array(CORNERS) * 10.5 + [0, 5e6, 0]
-    notes = mesh_notes(vr.Scene(objects={"m": vr.Mesh(vertices=points.astype(np.float32), faces=[[0, 1, 2]])}))
+    notes = mesh_notes(
+        vr.Scene(
+            objects={"m": vr.Mesh(vertices=points.astype(np.float32), faces=[[0, 1, 2]])}, camera=vr.Camera(), lights={}
+        )
+    )
     assert notes == [
         "objects.m: its coordinates have single precision: at 5.00001e+06 they lie 0.5 apart, and it is 10.5 wide; "
         "save it nearer to the origin"
     ]
-    assert not mesh_notes(vr.Scene(objects={"m": vr.Mesh(vertices=points + 1e-3, faces=[[0, 1, 2]])}))
+    assert not mesh_notes(
+        vr.Scene(objects={"m": vr.Mesh(vertices=points + 1e-3, faces=[[0, 1, 2]])}, camera=vr.Camera(), lights={})
+    )
 
 
 def test_explain_lists_meshes(tmp_path, capsys):
@@ -218,7 +236,9 @@ def test_explain_lists_meshes(tmp_path, capsys):
     (tmp_path / "open.off").write_text(OPEN)
     scene = tmp_path / "x.json"
     objects = {name: {"type": "mesh", "file": name} for name in ("a.obj", "open.off")}
-    scene.write_text(json.dumps({"objects": {name.replace(".", " "): o for name, o in objects.items()}}))
+    scene.write_text(
+        json.dumps({"objects": {name.replace(".", " "): o for name, o in objects.items()}, "camera": {}, "lights": {}})
+    )
     assert main(["explain", str(scene), "--json"]) == 0
     closed, holed = json.loads(capsys.readouterr().out)["meshes"]
     assert (closed["address"], closed["triangles"], closed["vertices"], closed["parts"]) == (
@@ -251,5 +271,5 @@ def test_a_note_is_a_warning_of_python(tmp_path):
     (tmp_path / "a.obj").write_text(NOTED)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        vr.prepare(vr.Scene(objects={"m": vr.Mesh(file=str(tmp_path / "a.obj"))}))
+        vr.prepare(vr.Scene(objects={"m": vr.Mesh(file=str(tmp_path / "a.obj"))}, camera=vr.Camera(), lights={}))
     assert [(w.category, str(w.message)) for w in caught] == [(MeshWarning, f"{tmp_path}/{note}") for note in NOTES]

@@ -72,9 +72,12 @@ HALF = "a\ud800b"
 @pytest.mark.parametrize(
     ("content", "line"),
     [
-        ({"objects": {HALF: {"type": "sphere"}}}, r'objects."a\ud800b"'),
+        ({"objects": {HALF: {"type": "sphere"}}, "camera": {}, "lights": {}}, r'objects."a\ud800b"'),
         ({HALF: 1}, r'"a\ud800b"'),
-        ({"objects": {"ball": {"type": "sphere", "material": HALF}}}, r'objects.ball.material."a\ud800b"'),
+        (
+            {"objects": {"ball": {"type": "sphere", "material": HALF}}, "camera": {}, "lights": {}},
+            r'objects.ball.material."a\ud800b"',
+        ),
         ({"textures": {"t": {"type": "image", "file": HALF}}}, r'textures.t.file."a\ud800b"'),
         ({"ambient": [{HALF: 1}]}, r'ambient.0."a\ud800b"'),
     ],
@@ -84,7 +87,9 @@ def test_half_a_character_is_refused(tmp_path, content, line):
 
 
 def test_half_a_character_in_a_scene_from_python_is_refused():
-    scene = vr.Scene(objects={HALF: vr.Sphere(material=HALF)}, materials={HALF: vr.Material()})
+    scene = vr.Scene(
+        objects={HALF: vr.Sphere(material=HALF)}, materials={HALF: vr.Material()}, camera=vr.Camera(), lights={}
+    )
     with pytest.raises(UserError) as caught:
         vr.explain(scene)
     assert len(caught.value.lines) == 3 and all(r"\ud800 is half a character" in x for x in caught.value.lines)
@@ -123,12 +128,12 @@ def test_a_thousand_errors_are_as_many_as_a_user_reads(tmp_path):
     """Each of them is a search for a similar name among a thousand, and a list of them."""
     objects = {f"ball {i}": {"type": "sphere", "material": f"material {i}"} for i in range(1000)}
     materials = {f"stuff {i}": {} for i in range(1000)}
-    lines = refused(tmp_path, json.dumps({"objects": objects, "materials": materials}))
+    lines = refused(tmp_path, json.dumps({"objects": objects, "materials": materials, "camera": {}, "lights": {}}))
     assert len(lines) == messages.MOST + 1 and max(map(len, lines)) < 2000
     assert lines[-1] == f"there are more than {messages.MOST} errors; correct these first"
     assert "stuff 59, and 941 more" in lines[0] and "stuff 60" not in lines[0]
     wrong = {f"ball {i}": {"type": "sphere", "radus": 1} for i in range(1000)}
-    assert len(refused(tmp_path, json.dumps({"objects": wrong}))) == messages.MOST + 1
+    assert len(refused(tmp_path, json.dumps({"objects": wrong, "camera": {}, "lights": {}}))) == messages.MOST + 1
 
 
 def test_a_similar_name_is_found_among_very_many():

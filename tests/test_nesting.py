@@ -15,6 +15,7 @@ from test_updated import compiled
 
 import visray as vr
 from visray import polynomials
+from visray.camera import Camera
 from visray.geometry import gamma
 from visray.nesting import solids_of
 from visray.polynomials.volume import SHARE, enclosed_volume
@@ -34,7 +35,12 @@ SIGMAS, POINTS = 5, 20_000
 
 def volumes(objects: dict) -> tuple[Any, dict[str, tuple[float, float]]]:
     """The prepared scene of objects of glass; and for each solid, its volume and the bound on its error."""
-    scene = Scene(objects={n: replace(x, material="glass") for n, x in objects.items()}, materials=GLASS)
+    scene = Scene(
+        objects={n: replace(x, material="glass") for n, x in objects.items()},
+        materials=GLASS,
+        camera=Camera(),
+        lights={},
+    )
     made, found = prepare(scene), {}
     for columns in made.packed.batches:
         solids = solids_of(scene, columns)
@@ -76,6 +82,8 @@ def test_an_instance_has_the_volume_of_its_own_transform() -> None:
         geometries={"ball": Sphere(radius=2.0, transform=(Scale(scale=(1.0, 2.0, 1.0)),))},
         objects={"half": vr.Instance(geometry="ball", material="glass", transform=(Scale(scale=0.5),))},
         materials=GLASS,
+        camera=Camera(),
+        lights={},
     )
     (columns,) = prepare(scene).packed.batches
     assert abs(solids_of(scene, columns).volume[0] / (4 / 3 * np.pi * 2) - 1) < 1e-14

@@ -359,7 +359,7 @@ def test_a_torus_moves_without_its_scene_being_packed_anew_and_shows_its_certifi
 def test_numbers_that_change_are_put_where_they_are(name: str) -> None:
     """What is packed after an update is what is packed anew, bit for bit."""
     things = {f"o{i}": x for i, x in enumerate(instances(name, 51, 5, False))}
-    old, a = vr.Scene(objects=things), Arrays.of("llvm", "double")
+    old, a = vr.Scene(objects=things, camera=vr.Camera(), lights={}), Arrays.of("llvm", "double")
     other = instances(name, 52, 1, False)[0]
     addressed = {f"objects.o3.{k}": getattr(other, k) for k in quantities(type(other))}
     new = replace(old, objects=things | {"o3": other})
@@ -381,7 +381,7 @@ def test_numbers_that_change_are_put_where_they_are(name: str) -> None:
 )  # fmt: skip
 def test_bad_values_are_one_clear_line(tmp_path, thing: dict, wrong: str) -> None:
     path = tmp_path / "x.json"
-    path.write_text(json.dumps({"objects": {"x": thing}}))
+    path.write_text(json.dumps({"objects": {"x": thing}, "camera": {}, "lights": {}}))
     with pytest.raises(vr.UserError) as told:
         vr.load(path)
     assert wrong in str(told.value) and len(str(told.value).strip().splitlines()) == 1

@@ -11,6 +11,7 @@ from test_sampling import SIGMA
 from test_shading import BLACK, PRECISIONS, along, seen
 from test_shadows import SOLIDS, alone, looks, triple
 
+from visray.camera import Camera
 from visray.geometry import gamma
 from visray.lights import DirectionalLight, PointLight
 from visray.materials import Material
@@ -48,6 +49,7 @@ def scene_of(
         ambient=RED,
         background=BLACK,
         settings=Settings(sampler=sampler, precision=precision, depth=0, shading=shading, occlusion=rays),
+        camera=Camera(),
     )
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from visray import clock
 from visray import pass_timer as pace
+from visray.camera import Camera
 from visray.pass_timer import GROWTH, LONGEST_PASS, PASS_SECONDS, RUN_PER_TRACE, SAFE_SHARE, PassTimer
 from visray.passes import empty_film, exposed_once
 from visray.primitives import Sphere
@@ -54,7 +55,13 @@ def test_what_took_no_time_tells_little() -> None:
 @pytest.mark.parametrize("threads", [1, 2])
 def test_the_rate_is_that_of_the_kernels_alone(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
     """As Dr.Jit's history has them, on one thread too, where they run before dr.eval returns: no compiling, no wait."""
-    scene = Scene(film=Film(width=64, height=64), objects={"ball": Sphere()}, settings=Settings(spp=256))
+    scene = Scene(
+        film=Film(width=64, height=64),
+        objects={"ball": Sphere()},
+        settings=Settings(spp=256),
+        camera=Camera(),
+        lights={},
+    )
     before, made, told = dr.thread_count(), prepare(scene), []
     monkeypatch.setattr(clock, "kernel_seconds", lambda kernels: told.append(list(kernels)) or 3.0)
     dr.set_thread_count(threads)
@@ -74,7 +81,15 @@ def test_the_rate_is_that_of_the_kernels_alone(monkeypatch: pytest.MonkeyPatch, 
 def test_threads_do_not_take_each_other_s_kernels() -> None:
     """Dr.Jit's history is one for all threads: each pass of each thread has its own kernel and its seconds."""
     made = [
-        prepare(Scene(film=Film(width=8, height=8), objects={"ball": Sphere()}, settings=Settings(seed=i)))
+        prepare(
+            Scene(
+                film=Film(width=8, height=8),
+                objects={"ball": Sphere()},
+                settings=Settings(seed=i),
+                camera=Camera(),
+                lights={},
+            )
+        )
         for i in (0, 1)
     ]
     seen: list[list[float]] = [[], []]
@@ -95,7 +110,7 @@ def test_threads_do_not_take_each_other_s_kernels() -> None:
 
 
 def test_a_history_that_other_code_has_read_tells_no_rate_of_zero(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = prepare(Scene(film=Film(width=8, height=8), objects={"ball": Sphere()}))
+    made = prepare(Scene(film=Film(width=8, height=8), objects={"ball": Sphere()}, camera=Camera(), lights={}))
     monkeypatch.setattr(dr, "kernel_history", lambda *_: [])
     timer = PassTimer()
     exposed_once(made, empty_film(made), 2, timer)
@@ -110,7 +125,9 @@ def test_kernels_ran_so_many_seconds() -> None:
 
 
 def test_whoever_counts_kernels_has_them_all() -> None:
-    scene = Scene(film=Film(width=8, height=8), objects={"ball": Sphere()}, settings=Settings(spp=4))
+    scene = Scene(
+        film=Film(width=8, height=8), objects={"ball": Sphere()}, settings=Settings(spp=4), camera=Camera(), lights={}
+    )
     made = prepare(scene)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()

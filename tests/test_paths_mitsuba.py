@@ -97,7 +97,9 @@ def aimed(seed: int, count: int = COUNT, width: float = 1.2) -> tuple[np.ndarray
 def pair(objects: dict, materials: dict) -> tuple[VisrayScene, MitsubaScene]:
     """A scene in visray and in Mitsuba, about the origin. Objects have the material of their own name."""
     things = {name: replace(x, material=name if name in materials else "default") for name, x in objects.items()}
-    return pair_of(Scene(objects=things, materials=materials, camera=Camera(origin=(0, 0, 0), target=(0, 0, 1))))
+    return pair_of(
+        Scene(objects=things, materials=materials, camera=Camera(origin=(0, 0, 0), target=(0, 0, 1)), lights={})
+    )
 
 
 def pair_of(scene: Scene) -> tuple[VisrayScene, MitsubaScene]:

@@ -61,6 +61,7 @@ def crowd(count: int) -> vr.Scene:
         lights={"key": vr.PointLight(position=(3, 5, 4)), "soft": vr.DiskLight(position=(-2, 4, 1), samples=2)},
         objects={"floor": vr.Plane(point=(0, -2, 0)), **things},
         settings=vr.Settings(spp=2, depth=2),
+        camera=vr.Camera(),
     )
 
 

@@ -31,6 +31,7 @@ from test_render import compiled
 import visray as vr
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
+from visray.camera import Camera
 from visray.pack import pack
 from visray.polynomials.catalogue import SURFACES
 from visray.primitives.clips import Ball, Block
@@ -538,7 +539,7 @@ def test_polynomials_of_one_form_share_their_code() -> None:
     }
 
     def count(thing: Polynomial) -> int:
-        return len(pack(Scene(objects={"a": mine, "b": thing}), Arrays.of()).batches)
+        return len(pack(Scene(objects={"a": mine, "b": thing}, camera=Camera(), lights={}), Arrays.of()).batches)
 
     assert {k: count(v) for k, v in same.items()} == dict.fromkeys(same, 1)
     assert {k: count(v) for k, v in others.items()} == dict.fromkeys(others, 2)

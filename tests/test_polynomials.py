@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from visray.camera import Camera
 from visray.explaining import explain
 from visray.polynomials import (
     PolynomialError,
@@ -720,7 +721,11 @@ def test_functions_that_are_rounded_are_named():
 
     assert named("cos(2*pi/5)*x^2 + sqrt(2)*y^2 - 1") == ()
     assert named("sin(1)*x^2 + exp(1/2)*y^2 - sin(1)*2^(1/3)") == ("sin(1)", "exp(1/2)", "2^(1/3)")
-    scene = Scene(objects={"p": Polynomial(expression="x^2 + y^2 - log(a)", parameters={"a": 2.0}), "q": Sphere()})
+    scene = Scene(
+        objects={"p": Polynomial(expression="x^2 + y^2 - log(a)", parameters={"a": 2.0}), "q": Sphere()},
+        camera=Camera(),
+        lights={},
+    )
     assert explain(scene).notes == ("objects.p: log(a) is rounded to 53 bits, the nearest double",)
 
 

@@ -34,6 +34,7 @@ from samples import (
 
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
+from visray.camera import Camera
 from visray.geometry import gamma
 from visray.primitives import (
     KINDS,
@@ -650,7 +651,9 @@ def sphere_of_triangles(levels: int) -> tuple[np.ndarray, np.ndarray]:
 def mesh(corners: np.ndarray, faces: np.ndarray) -> Scene:
     points = [tuple(c.tolist()) for c in corners]
     return Scene(
-        objects={f"t{n}": Triangle(a=points[i], b=points[j], c=points[k]) for n, (i, j, k) in enumerate(faces)}
+        objects={f"t{n}": Triangle(a=points[i], b=points[j], c=points[k]) for n, (i, j, k) in enumerate(faces)},
+        camera=Camera(),
+        lights={},
     )
 
 

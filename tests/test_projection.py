@@ -25,7 +25,7 @@ GLOBE = GlobeBase(center=(0.1, -0.2, 0.3), radius=1.2)
 
 def scene_of(camera, base=GLOBE, film: Film = FILM) -> Scene:
     data = None if base is None else Data(base=base)
-    return Scene(camera=camera, film=film, data=data, settings=Settings(spp=1, precision="double"))
+    return Scene(camera=camera, film=film, data=data, settings=Settings(spp=1, precision="double"), lights={})
 
 
 def test_each_kind_of_camera_is_looked_at() -> None:

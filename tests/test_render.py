@@ -197,7 +197,13 @@ def test_mean_and_variance_are_those_of_the_samples(precision: str) -> None:
 
 def test_a_constant_pixel_has_no_variance_at_all() -> None:
     """Exactly zero, with numbers that no precision holds, in one pass and in many; and its mean is the number."""
-    scene = Scene(background=(0.1, 0.7, 1 / 3), film=Film(width=8, height=4), settings=Settings(spp=25))
+    scene = Scene(
+        background=(0.1, 0.7, 1 / 3),
+        film=Film(width=8, height=4),
+        settings=Settings(spp=25),
+        camera=Camera(),
+        lights={},
+    )
     for counts in ([25], [3, 1, 21], [1] * 25):
         film, _ = in_passes(scene, counts)
         assert not np.array(film.squares).any()
@@ -278,7 +284,7 @@ def test_tiles_are_a_permutation(width: int, height: int) -> None:
 def test_rows_are_in_the_order_of_the_picture() -> None:
     """A ball in the upper left quarter of the view is in the upper left quarter of the picture."""
     ball = Sphere(center=(-1, 1, 0), radius=0.8)
-    scene = Scene(camera=Camera(origin=(0, 0, 5)), film=Film(width=21, height=14), objects={"ball": ball})
+    scene = Scene(camera=Camera(origin=(0, 0, 5)), film=Film(width=21, height=14), objects={"ball": ball}, lights={})
     found = render(scene, progress=False)["id"]
     assert found[:7, :10].any() and not found[7:].any() and not found[:, 11:].any()
 
@@ -337,6 +343,7 @@ def test_data_layers_by_hand() -> None:
             "ball": Sphere(material="m"),
         },
         settings=Settings(spp=1, precision="double"),
+        lights={},
     )
     image = render(scene, progress=False)
     u = 2.0**-24
@@ -360,7 +367,7 @@ def test_data_layers_by_hand() -> None:
 
 
 def test_layers_where_nothing_is_hit() -> None:
-    scene = Scene(film=Film(width=3, height=2), settings=Settings(spp=2))
+    scene = Scene(film=Film(width=3, height=2), settings=Settings(spp=2), camera=Camera(), lights={})
     image = render(scene, progress=False)
     assert np.isinf(image["Z"]).all() and np.isinf(image["distance"]).all()
     for name in ("N", "P", "UV", "albedo", "id", "variance"):
@@ -383,7 +390,7 @@ def test_ids_follow_the_file_whatever_the_families() -> None:
         }[kind](x)
     # From far away, so that the columns are parallel.
     camera = Camera(origin=(7, 0, 1000), target=(7, 0, 0), fov=float(np.degrees(2 * np.arctan(1 / 1000))))
-    scene = Scene(camera=camera, film=Film(width=8, height=1), objects=objects, settings=Settings(spp=1))
+    scene = Scene(camera=camera, film=Film(width=8, height=1), objects=objects, settings=Settings(spp=1), lights={})
     assert render(scene, progress=False)["id"].tolist() == [[1, 2, 3, 4, 5, 6, 7, 8]]
 
 
@@ -393,7 +400,9 @@ def test_every_layer_is_made_as_its_record_says() -> None:
     data = Data(base=GlobeBase(center=(0.0, -3.0, 0.0)), legend=Legend(title="A ball"))
     film = Film(width=180, height=160)
     moves = Animation(duration=1, tracks={"turn": SpinTrack(of="objects.ball")})
-    scene = Scene(camera=Camera(origin=(0, 0, 5)), film=film, objects={"ball": ball}, data=data, animation=moves)
+    scene = Scene(
+        camera=Camera(origin=(0, 0, 5)), film=film, objects={"ball": ball}, data=data, animation=moves, lights={}
+    )
     image = render(scene, error=0.5, progress=False)
     assert tuple(image.layers) == NAMES
     for layer in LAYERS:
@@ -414,7 +423,7 @@ def test_transparent_film_keeps_coverage_and_premultiplied_colour() -> None:
     glow = {"m": Material(ka=(1, 0.5, 0.25), kd=BLACK)}
     scene = Scene(
         camera=camera, film=Film(width=3, height=1, transparent=True), materials=glow, background=(9.0, 9.0, 9.0),
-        objects={"wall": replace(wall, material="m")}, settings=Settings(spp=64),
+        objects={"wall": replace(wall, material="m")}, settings=Settings(spp=64), lights={},
     )  # fmt: skip
     image = render(scene, progress=False)
     assert image["A"].tolist() == [[1, 0.5, 0]]
@@ -429,7 +438,7 @@ def test_transparent_film_keeps_coverage_and_premultiplied_colour() -> None:
 
 
 def test_scene_without_objects_is_its_sky() -> None:
-    scene = Scene(background=(0.25, 0.5, 1.0), film=Film(width=6, height=4), lights=SHOW.lights)
+    scene = Scene(background=(0.25, 0.5, 1.0), film=Film(width=6, height=4), lights=SHOW.lights, camera=Camera())
     assert (picture(scene) == [0.25, 0.5, 1.0]).all()
 
 

@@ -218,7 +218,7 @@ def test_rods_contain_their_rows(kind: type) -> None:
     shear = vr.Matrix(matrix=((1.0, 0.7, 0.0, 0.3), (0.0, 0.5, 0.2, -1.0), (0.1, 0.0, 2.0, 0.5)))
     flat = vr.Matrix(matrix=((1.0, 1.0, 0.0, 0.0), (1.0, 1.001, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)))
     for transform in ((), (shear,), (flat,)):
-        scene = vr.Scene(objects={"it": kind(transform=transform)})
+        scene = vr.Scene(objects={"it": kind(transform=transform)}, camera=vr.Camera(), lights={})
         batch = prepare(scene).kernel.batches[0]
         rod = tree_rows(batch).rods[0]
         a, rng = prepare(scene).a, np.random.default_rng(4)

@@ -18,9 +18,10 @@ from visray.scene.load import dump, load
 OFF = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 ENTRIES = {
     "textures": lambda file: {"textures": {"x": {"type": "image", "file": file}}, "materials": {"m": {"texture": "x"}}},
-    "objects": lambda file: {"objects": {"x": {"type": "mesh", "file": file}}},
+    "objects": lambda file: {"objects": {"x": {"type": "mesh", "file": file}}, "camera": {}, "lights": {}},
     "geometries": lambda file: {
-        "geometries": {"x": {"type": "mesh", "file": file}}, "objects": {"o": {"type": "instance", "geometry": "x"}}
+        "geometries": {"x": {"type": "mesh", "file": file}}, "objects": {"o": {"type": "instance", "geometry": "x"}},
+        "camera": {}, "lights": {},
     },
 }  # fmt: skip
 
@@ -77,7 +78,9 @@ def nested(place: Path, files: list[str]) -> Path:
     body = {"type": "sphere", "cut": [{"type": "csg", "op": "merge", "of": {"x": a, "y": {"type": "box", "cut": [b]}}}]}
     solid = {"type": "csg", "op": "difference", "of": [body, c]}
     path = place / "nested.json"
-    path.write_text(json.dumps({"objects": {"solid": solid}, "film": {"width": 2, "height": 2}}))
+    path.write_text(
+        json.dumps({"objects": {"solid": solid}, "film": {"width": 2, "height": 2}, "camera": {}, "lights": {}})
+    )
     return path
 
 
@@ -144,7 +147,12 @@ def test_python_and_the_command_line_can_allow_it(place: Path, monkeypatch, caps
         == 0
     )
     # A scene made in Python is a program of the user; so is the folder it names.
-    made = vr.Scene(textures={"x": vr.ImageTexture(file="../map.png")}, materials={"m": vr.Material(texture="x")})
+    made = vr.Scene(
+        textures={"x": vr.ImageTexture(file="../map.png")},
+        materials={"m": vr.Material(texture="x")},
+        camera=vr.Camera(),
+        lights={},
+    )
     vr.render(made, size=(2, 2), progress=False)
 
 

@@ -60,7 +60,7 @@ def errors(folder: Path, content: object) -> list[str]:
 
 
 def wrong(folder: Path, **ball: object) -> list[str]:
-    return errors(folder, {"objects": {"ball": {"type": "sphere", **ball}}})
+    return errors(folder, {"objects": {"ball": {"type": "sphere", **ball}}, "camera": {}, "lights": {}})
 
 
 def everything() -> Scene:
@@ -167,10 +167,10 @@ def test_a_file_becomes_a_scene(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["{}", "\ufeff{}\n", '{"objects": {}}'])
 def test_the_smallest_scene_is_all_defaults(tmp_path: Path, text: str) -> None:
-    assert load(write(tmp_path, text)) == Scene()
+    assert load(write(tmp_path, text)) == Scene(camera=Camera(), lights={})
 
 
-@pytest.mark.parametrize("scene", [Scene(), everything()], ids=["defaults", "everything"])
+@pytest.mark.parametrize("scene", [Scene(camera=Camera(), lights={}), everything()], ids=["defaults", "everything"])
 def test_dump_loads_back_as_an_equal_scene(tmp_path: Path, scene: Scene) -> None:
     text = dump(scene)
     again = load(write(tmp_path, text), allow_outside=True)
@@ -180,9 +180,9 @@ def test_dump_loads_back_as_an_equal_scene(tmp_path: Path, scene: Scene) -> None
 
 
 def test_dump_leaves_defaults_out_and_keeps_lists_on_a_line() -> None:
-    assert dump(Scene()) == "{}\n"
+    assert dump(Scene(camera=Camera(), lights={})) == "{}\n"
     ball = Sphere(center=(1.0, 2.0, 3.0), material="red", transform=(Translate(translate=(0.0, 1.0, 0.0)),))
-    text = dump(Scene(materials={"red": Material()}, objects={"ball": ball}))
+    text = dump(Scene(materials={"red": Material()}, objects={"ball": ball}, camera=Camera(), lights={}))
     assert text.splitlines() == [
         "{",
         '  "materials": {',
@@ -217,32 +217,59 @@ def test_dump_like_a_file_says_what_that_says_in_its_order(path: Path, tmp_path:
 
 
 def test_dump_shows_what_differs_in_nested_settings_only() -> None:
-    assert dump(Scene(settings=Settings(occlusion=Occlusion(sky=0), scatter=Scatter()))) == "{}\n"
+    assert (
+        dump(Scene(settings=Settings(occlusion=Occlusion(sky=0), scatter=Scatter()), camera=Camera(), lights={}))
+        == "{}\n"
+    )
     nested = Settings(occlusion=Occlusion(sky=8, distance=1.0), scatter=Scatter(depth=3))
-    assert json.loads(dump(Scene(settings=nested))) == {"settings": {"occlusion": {"sky": 8}, "scatter": {"depth": 3}}}
+    assert json.loads(dump(Scene(settings=nested, camera=Camera(), lights={}))) == {
+        "settings": {"occlusion": {"sky": 8}, "scatter": {"depth": 3}}
+    }
 
 
 PLACE = {"position": (1.0, 2.0, 3.0)}
 DOWN = {"direction": (0.0, -1.0, 0.0)}
 SAMPLES = [
-    Scene(camera=Camera(aperture=0.5)),
-    Scene(camera=Camera(focus=3.0)),
-    *(Scene(materials={"m": Material(**{key: (0.25, 0.5, 1.0)})}) for key in ("ka", "kd", "ks", "kr", "kt")),
-    *(Scene(materials={"m": Material(**{key: 1.25})}) for key in ("shininess", "ior", "dmax")),
-    Scene(textures={"t": CheckerTexture()}, materials={"m": Material(texture="t")}),
-    Scene(textures={"t": CheckerTexture(scale=(2.0, -1.0), offset=(0.0, 0.5), b=(1.0, 0.0, 0.0))}),
-    Scene(textures={"t": ImageTexture(file="/a/b.exr", filter="nearest", wrap="clamp", encoding="srgb")}),
-    Scene(textures={"t": ImageTexture(file="/a/b.exr", wrap=("repeat", "clamp"))}),
-    Scene(textures={"t": CheckerTexture()}, materials={"m": Material(texture="t", textured="kd")}),
-    *(Scene(lights={"l": kind(**PLACE)}) for kind in (PointLight, RectangleLight, DiskLight, SphereLight)),
-    Scene(lights={"l": DirectionalLight(**DOWN)}),
-    Scene(lights={"l": SpotLight(**PLACE, **DOWN)}),
-    *(Scene(settings=Settings(shading=name)) for name in modes.NAMES[1:]),
-    *(Scene(settings=Settings(sampler=name)) for name in ("sobol", "independent")),
-    Scene(settings=Settings(depth=0)),
-    Scene(settings=Settings(misses="ambient", local="full", area="centre")),
-    Scene(settings=Settings(occlusion=Occlusion(near=65536, hemisphere="box"))),
-    Scene(settings=Settings(scatter=Scatter(rays=1, depth=1000))),
+    Scene(camera=Camera(aperture=0.5), lights={}),
+    Scene(camera=Camera(focus=3.0), lights={}),
+    *(
+        Scene(materials={"m": Material(**{key: (0.25, 0.5, 1.0)})}, camera=Camera(), lights={})
+        for key in ("ka", "kd", "ks", "kr", "kt")
+    ),
+    *(
+        Scene(materials={"m": Material(**{key: 1.25})}, camera=Camera(), lights={})
+        for key in ("shininess", "ior", "dmax")
+    ),
+    Scene(textures={"t": CheckerTexture()}, materials={"m": Material(texture="t")}, camera=Camera(), lights={}),
+    Scene(
+        textures={"t": CheckerTexture(scale=(2.0, -1.0), offset=(0.0, 0.5), b=(1.0, 0.0, 0.0))},
+        camera=Camera(),
+        lights={},
+    ),
+    Scene(
+        textures={"t": ImageTexture(file="/a/b.exr", filter="nearest", wrap="clamp", encoding="srgb")},
+        camera=Camera(),
+        lights={},
+    ),
+    Scene(textures={"t": ImageTexture(file="/a/b.exr", wrap=("repeat", "clamp"))}, camera=Camera(), lights={}),
+    Scene(
+        textures={"t": CheckerTexture()},
+        materials={"m": Material(texture="t", textured="kd")},
+        camera=Camera(),
+        lights={},
+    ),
+    *(
+        Scene(lights={"l": kind(**PLACE)}, camera=Camera())
+        for kind in (PointLight, RectangleLight, DiskLight, SphereLight)
+    ),
+    Scene(lights={"l": DirectionalLight(**DOWN)}, camera=Camera()),
+    Scene(lights={"l": SpotLight(**PLACE, **DOWN)}, camera=Camera()),
+    *(Scene(settings=Settings(shading=name), camera=Camera(), lights={}) for name in modes.NAMES[1:]),
+    *(Scene(settings=Settings(sampler=name), camera=Camera(), lights={}) for name in ("sobol", "independent")),
+    Scene(settings=Settings(depth=0), camera=Camera(), lights={}),
+    Scene(settings=Settings(misses="ambient", local="full", area="centre"), camera=Camera(), lights={}),
+    Scene(settings=Settings(occlusion=Occlusion(near=65536, hemisphere="box")), camera=Camera(), lights={}),
+    Scene(settings=Settings(scatter=Scatter(rays=1, depth=1000)), camera=Camera(), lights={}),
 ]
 
 
@@ -273,13 +300,13 @@ def test_the_files_of_meshes_are_relative_to_the_scene_file(tmp_path: Path, monk
     folder = tmp_path / "scenes"
     (folder / "meshes").mkdir(parents=True)
     (folder / "meshes" / "one.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
-    write(folder, {"objects": {"one": {"type": "mesh", "file": "meshes/one.off"}}})
+    write(folder, {"objects": {"one": {"type": "mesh", "file": "meshes/one.off"}}, "camera": {}, "lights": {}})
     monkeypatch.chdir(tmp_path)
     mesh = load("scenes/x.json").objects["one"]
     assert (mesh.file, mesh.row_count()) == ("scenes/meshes/one.off", 1)
     assert '"file": "../scenes/meshes/one.off"' in dump(load("scenes/x.json"), "elsewhere")
     gone = f"meshes/{'far/' * 20}gone.off"
-    path = write(folder, {"objects": {"one": {"type": "mesh", "file": gone}}})
+    path = write(folder, {"objects": {"one": {"type": "mesh", "file": gone}}, "camera": {}, "lights": {}})
     assert errors(folder, json.loads(path.read_text())) == [
         f'objects.one.file = "{folder}/{gone}": there is no such file; check the path'
     ]
@@ -295,7 +322,7 @@ def test_dump_names_the_files_of_textures_from_a_folder(
     (tmp_path / "link").symlink_to(tmp_path / "far" / "scenes")
     monkeypatch.chdir(tmp_path)
     files = {"here": "images/a.png", "anywhere": str(tmp_path / "images" / "a.png")}
-    scene = Scene(textures={name: ImageTexture(file=file) for name, file in files.items()})
+    scene = Scene(textures={name: ImageTexture(file=file) for name, file in files.items()}, camera=Camera(), lights={})
     text = dump(scene, Path(folder))
     (tmp_path / folder).mkdir(parents=True, exist_ok=True)
     for texture in load(write(tmp_path / folder, text), allow_outside=True).textures.values():
@@ -468,11 +495,11 @@ def test_a_wrong_background_is_judged_by_its_form(tmp_path: Path, background: ob
             "lights.l: the key 'position' is missing; it is 3 numbers (world units)",
         ),
         (
-            {"objects": {"a": {}}},
+            {"objects": {"a": {}}, "camera": {}, "lights": {}},
             f"objects.a: the key 'type' is missing; one of {KINDS}",
         ),
         (
-            {"objects": {"a.b": {"type": "sphere"}}},
+            {"objects": {"a.b": {"type": "sphere"}}, "camera": {}, "lights": {}},
             'objects: "a.b" is not a valid name; a name is not empty, has no dot, and has no space at either end',
         ),
         (
@@ -749,7 +776,7 @@ def test_a_camera_almost_along_up_is_fine(tmp_path: Path) -> None:
     ],
 )
 def test_transforms_that_flatten(steps: list, what: str | None) -> None:
-    found = flaws(Scene(objects={"a": Sphere(transform=tuple(steps))}))
+    found = flaws(Scene(objects={"a": Sphere(transform=tuple(steps))}, camera=Camera(), lights={}))
     if what is None:
         assert found == []
     else:
@@ -760,7 +787,7 @@ def test_transforms_that_flatten(steps: list, what: str | None) -> None:
 
 def test_an_unknown_material_is_named_with_those_there_are(tmp_path: Path) -> None:
     things = {"a": {"type": "sphere", "material": "gld"}, "b": {"type": "sphere", "material": "default"}}
-    content = {"materials": {"gold": {}, "red": {}}, "objects": things}
+    content = {"materials": {"gold": {}, "red": {}}, "objects": things, "camera": {}, "lights": {}}
     assert errors(tmp_path, content) == [
         'objects.a.material = "gld": unknown material; did you mean "gold"? (one of gold, red, default)'
     ]
@@ -773,7 +800,7 @@ def test_flaws_of_the_kinds_themselves() -> None:
         "sheet": Rectangle(width=(1.0, 1.0, 0.0), height=(-2.0, -2.0, 0.0)),
         "line": Triangle(a=(0.0, 0.0, 0.0), b=(1.0, 1.0, 1.0), c=(3.0, 3.0, 3.0)),
     }
-    assert flaws(Scene(objects=things)) == [
+    assert flaws(Scene(objects=things, camera=Camera(), lights={})) == [
         "objects.box.max = [1.0, 1.0, -1.0]: must be greater than min in x, z",
         "objects.sheet.height = [-2.0, -2.0, 0.0]: must not be parallel to width",
         "objects.line.c = [3.0, 3.0, 3.0]: the corners must not lie on one line",
@@ -789,6 +816,7 @@ def test_flaws_of_lights_and_materials_come_before_those_of_objects() -> None:
             "bar": RectangleLight(position=(0.0, 0.0, 0.0), height=(3.0, 0.0, 0.0)),
         },
         objects={"a": Sphere(material="n")},
+        camera=Camera(),
     )
     assert [text.partition(" ")[0] for text in flaws(scene)] == [
         "materials.m.texture",
@@ -801,7 +829,7 @@ def test_flaws_of_lights_and_materials_come_before_those_of_objects() -> None:
 
 def test_line_breaks_in_names_do_not_break_the_lines(tmp_path: Path) -> None:
     things = {"a\nb": {"type": "sphere", "material": "c\nd"}, "e\nf": {"type": "sphere", "g\nh": 1, "radius": 0}}
-    found = errors(tmp_path, {"objects": things})
+    found = errors(tmp_path, {"objects": things, "camera": {}, "lights": {}})
     assert [text.partition(":")[0] for text in found] == [
         "objects.e\\nf.radius = 0",
         "objects.e\\nf.g\\nh",
@@ -869,7 +897,7 @@ def test_whatever_stands_in_a_file_is_a_scene_or_an_error_of_one_line(data: st.D
 
 
 def test_checked_validates_a_scene_from_python() -> None:
-    scene = Scene(camera=Camera(origin=[0, 1, 5]), objects={"a": Sphere(radius=2)})
+    scene = Scene(camera=Camera(origin=[0, 1, 5]), objects={"a": Sphere(radius=2)}, lights={})
     assert checked(scene).camera.origin == (0.0, 1.0, 5.0)
     assert isinstance(checked(scene).objects["a"].radius, float)
     assert checked(everything()) == everything()

@@ -64,7 +64,7 @@ def crowd(rng: np.random.Generator, kinds: list[str], scale: Callable[[], float]
 
 def world(rng: np.random.Generator, scale: Callable[[], float], place: float) -> Scene:
     things = crowd(rng, NAMES, scale, place, False) + crowd(rng, NAMES, scale, place, True)
-    return Scene(objects={f"o{i}": x for i, x in enumerate(things)})
+    return Scene(objects={f"o{i}": x for i, x in enumerate(things)}, camera=Camera(), lights={})
 
 
 def decades(rng: np.random.Generator) -> tuple[Scene, np.ndarray]:
@@ -91,7 +91,7 @@ def many(rng: np.random.Generator) -> tuple[Scene, np.ndarray]:
     n = rng.normal(size=(40, 3))
     points = 100 * n / np.linalg.norm(n, axis=1, keepdims=True)
     things += [Plane(point=tuple(p.tolist()), normal=tuple((-p).tolist())) for p in points]
-    return Scene(objects={f"o{i}": x for i, x in enumerate(things)}), rng.normal(size=3)
+    return Scene(objects={f"o{i}": x for i, x in enumerate(things)}, camera=Camera(), lights={}), rng.normal(size=3)
 
 
 def objects_in_order(scene: Scene) -> list:
@@ -249,7 +249,7 @@ def test_rays_along_the_axes_find_the_same_in_trees_and_loops() -> None:
     d = np.array([v for v in np.stack(np.meshgrid(*3 * [[-1, -0.0, 0.0, 1]]), -1).reshape(-1, 3) if np.abs(v).sum()])
     d = np.repeat(d / np.linalg.norm(d, axis=1, keepdims=True), 200, 0)
     for o in (np.array([2.5, 2.5, 2.5]), np.array([2.0, 2.0, 2.5]), np.array([2.0, 2.5, 0.25]), np.zeros(3)):
-        w = World(Scene(objects=things), o, d, np.full(len(d), 3.0))
+        w = World(Scene(objects=things, camera=Camera(), lights={}), o, d, np.full(len(d), 3.0))
         for shared in (True, False):
             fast = w.searched(shared, False)
             assert same(fast, w.searched(shared, True))
@@ -287,7 +287,7 @@ def test_ties_go_to_the_object_that_comes_first() -> None:
         balls = [Sphere(center=(0, 0, -3)) for _ in range(count)]
         sheets = [Rectangle(center=(-0.01 * i, 0, -2), width=(4, 0, 0), height=(0, 4, 0)) for i in range(count)]
         for things in (balls, sheets):
-            scene = Scene(objects={f"o{i}": x for i, x in enumerate(things)})
+            scene = Scene(objects={f"o{i}": x for i, x in enumerate(things)}, camera=Camera(), lights={})
             w = World(scene, np.zeros(3), np.tile([0.0, 0, -1], (64, 1)), np.full(64, 2.0))
             for plain in (False, True):
                 t, index = w.seen(plain)
@@ -295,7 +295,7 @@ def test_ties_go_to_the_object_that_comes_first() -> None:
 
 
 def test_search_of_nothing() -> None:
-    w = World(Scene(), np.zeros(3), np.tile([0.0, 0, -1], (64, 1)), np.full(64, 2.0))
+    w = World(Scene(camera=Camera(), lights={}), np.zeros(3), np.tile([0.0, 0, -1], (64, 1)), np.full(64, 2.0))
     o = triples(w.o)
     hit = closest(RayOrigin(geometry_of(w.scene), o), Ray(o, triples(w.d)))
     assert not np.array(hit.valid).any()
@@ -450,7 +450,9 @@ def test_a_wall_seen_from_within_is_lit_from_within_only(name: str) -> None:
 def test_occluded_by_what_lies_between_and_by_nothing_else() -> None:
     """By hand: a ball between, beside, behind the point, behind the light; the point's own object; lights inside."""
     ball, floor = Sphere(center=(0, 5, 0), radius=1), Plane()
-    scene = Scene(objects={"ball": ball, "floor": floor, "box": Box(min=(10, 4, -1), max=(12, 6, 1))})
+    scene = Scene(
+        objects={"ball": ball, "floor": floor, "box": Box(min=(10, 4, -1), max=(12, 6, 1))}, camera=Camera(), lights={}
+    )
     cases = [
         ((0, 10, 0), (0, 0, 0), 1, False, True),  # straight under the ball
         # The line to (x, 0, 0) passes the ball's centre at 5 x / sqrt(100 + x^2): at 1 for x = 10 / sqrt(24) = 2.041.
@@ -525,7 +527,7 @@ def test_a_light_on_a_surface_lights_the_half_space_before_it(name: str) -> None
 @pytest.mark.parametrize("normal", [(0.0, 1.0, 0.0), (1.0, 2.0, 3.0)])
 def test_a_camera_on_a_plane_does_not_see_it(normal: tuple) -> None:
     camera = Camera(origin=(0.0, 0.0, 0.0), target=normal, up=(1.0, 0.0, 0.3))
-    scene = Scene(camera=camera, objects={"floor": Plane(normal=normal)}, film=Film(width=32, height=32))
+    scene = Scene(camera=camera, objects={"floor": Plane(normal=normal)}, film=Film(width=32, height=32), lights={})
     assert not vr.render(scene, spp=1, layers=("RGB", "id"), progress=False)["id"].any()
 
 
@@ -533,7 +535,10 @@ def test_a_camera_on_a_sphere_sees_its_inside_or_nothing() -> None:
     on = (0.48, 0.64, 0.6)
     for target, seen in (((0.96, 1.28, 1.2), False), ((0.0, 0.0, 0.0), True)):
         scene = Scene(
-            camera=Camera(origin=on, target=target), objects={"ball": Sphere()}, film=Film(width=32, height=32)
+            camera=Camera(origin=on, target=target),
+            objects={"ball": Sphere()},
+            film=Film(width=32, height=32),
+            lights={},
         )
         image = vr.render(scene, spp=1, layers=("RGB", "id", "distance"), progress=False)
         assert (image["id"] == 1).all() if seen else not image["id"].any()

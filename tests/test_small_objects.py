@@ -147,7 +147,9 @@ def test_coverage_of_small_objects() -> None:
 
 def shown(thing: Any, camera: Any, size: int) -> tuple[np.ndarray, Prepared]:
     """Mask of the pixels of a large film that show an object, and the prepared scene."""
-    scene = Scene(camera=camera, film=Film(width=size, height=size), objects={"it": replace(thing, material="default")})
+    scene = Scene(
+        camera=camera, film=Film(width=size, height=size), objects={"it": replace(thing, material="default")}, lights={}
+    )
     made = prepare(scene)
     layers = integrator.first_hit(made.kernel, made.x, made.y)
     picture = np.zeros(size * size, bool)

@@ -51,7 +51,16 @@ def test_an_error_that_nobody_reads_still_has_its_exit_code(stream):
 def test_any_encoding_will_do(encoding, tmp_path):
     """JSON stays JSON, and tables are drawn with characters that the encoding has."""
     path = tmp_path / "scene.json"
-    path.write_text(json.dumps({"objects": {"é → ∞": {"type": "sphere"}}, "materials": {"→": {"kt": [1, 1, 1]}}}))
+    path.write_text(
+        json.dumps(
+            {
+                "objects": {"é → ∞": {"type": "sphere"}},
+                "materials": {"→": {"kt": [1, 1, 1]}},
+                "camera": {},
+                "lights": {},
+            }
+        )
+    )
     done = shell(f"visray explain '{path}' && visray explain --json '{path}'", PYTHONIOENCODING=encoding)
     assert done.returncode == 0 and done.stderr == ""
     table, brace, report = done.stdout.partition("{")

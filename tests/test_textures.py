@@ -797,6 +797,7 @@ def test_a_globe_seen_from_above_its_pole_has_one_colour(folder, wrap: Any, pole
                 geometries={"ball": Sphere()} if isinstance(thing, Instance) else {},
                 objects={"globe": thing},
                 settings=Settings(shading="albedo", spp=16),
+                lights={},
             )
         )
         expected = np.float32(image[0 if pole > 0 else -1, 0])
@@ -812,6 +813,7 @@ AMBIENT = Scene(
     materials={"m": Material(texture="squares", ka=(0.5, 0.25, 0.75))},
     objects={"card": Rectangle(center=(0, 0, 0), width=(2, 0, 0), height=(0, 2, 0), material="m")},
     settings=Settings(spp=1, sampler="independent"),
+    lights={},
 )
 SQUARES = np.array([[AMBIENT.textures["squares"].b, AMBIENT.textures["squares"].a]] * 2)
 SQUARES[1] = SQUARES[1, ::-1]

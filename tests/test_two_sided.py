@@ -424,6 +424,7 @@ def test_colours_of_data_are_on_the_front_only() -> None:
         lights={"sun": vr.DirectionalLight(direction=(0, -1, 0)), "other": vr.DirectionalLight(direction=(0, -1, -1))},
         data=vr.Data(base=vr.MapBase(width=3.0), layers={"heat": layer}),
         settings=vr.Settings(spp=1),
+        camera=vr.Camera(),
     )
     kinds = {}
     for z in (3.0, -3.0):
@@ -468,14 +469,19 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_back_is_an_error(case: str) -> None:
     materials, message = WRONG[case]
-    scene = vr.Scene(materials=materials, objects={"x": vr.Disk(material="a")})
+    scene = vr.Scene(materials=materials, objects={"x": vr.Disk(material="a")}, camera=vr.Camera(), lights={})
     with pytest.raises(UserError) as error:
         checked(scene)
     assert str(error.value).splitlines() == [message]
 
 
 def test_the_default_material_can_be_a_back() -> None:
-    scene = vr.Scene(materials={"a": vr.Material(back="default")}, objects={"x": vr.Disk(material="a")})
+    scene = vr.Scene(
+        materials={"a": vr.Material(back="default")},
+        objects={"x": vr.Disk(material="a")},
+        camera=vr.Camera(),
+        lights={},
+    )
     assert set(used_materials(checked(scene))) == {"a", "default"}
 
 
@@ -488,6 +494,8 @@ def test_a_back_with_a_texture_needs_texture_coordinates(tmp_path: Path) -> None
         "textures": {"t": {"type": "checker"}},
         "materials": {"a": {"back": "b"}, "b": {"texture": "t"}},
         "objects": {"m": {"type": "mesh", "file": str(tmp_path / "a.ply"), "material": "a"}},
+        "camera": {},
+        "lights": {},
     }
     assert examined(raw)[1] == [
         "objects.m.material = \"a\": has the texture 't' on its back, and the mesh file has no texture coordinates; "

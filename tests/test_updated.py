@@ -32,7 +32,7 @@ SCENE = vr.Scene(
         "turned": vr.Box(min=(-2, -0.5, -0.5), max=(-1.2, 0.5, 0.5), transform=(vr.Rotate(rotate=20.0),)),
         "ring": vr.Torus(center=(0, 0.9, 0), major=0.5, minor=0.1),
     },
-    settings=vr.Settings(spp=2, depth=2),
+    settings=vr.Settings(spp=2, depth=2), camera=vr.Camera(),
 )  # fmt: skip
 CHANGES = {
     "a place": {"objects.ball.center.0": 0.4},
@@ -101,7 +101,7 @@ def test_only_what_moves_is_packed_and_placed_anew() -> None:
         {"film.width": 40},
         {"settings.accelerator": "tree"},
         {"settings.shadows": False},
-        {"objects": {"lone": vr.Sphere()}},
+        {"objects": {"lone": vr.Sphere()}, "camera": {}, "lights": {}},
     ],
     ids=lambda c: next(iter(c)),
 )
@@ -117,6 +117,8 @@ def test_a_tree_follows_what_moves() -> None:
         film=SCENE.film,
         objects={f"b{i}": vr.Sphere(center=tuple(map(float, p)), radius=0.2) for i, p in enumerate(places)},
         settings=vr.Settings(spp=1),
+        camera=vr.Camera(),
+        lights={},
     )
     prepared = vr.prepare(scene)
     assert prepared.kernel.geometry.tree is not None
@@ -133,8 +135,14 @@ def test_every_number_of_every_kind_can_be_moved(name: str) -> None:
     """To that of another object of the kind, address by address of all numbers and tables that kernels read."""
     rng = np.random.default_rng(3)
     one, two = (SAMPLES[name].random(rng, 1.0) for _ in range(2))
-    scene = vr.Scene(film=vr.Film(width=8, height=6), objects={"x": one, "y": one}, settings=vr.Settings(spp=1))
-    other = vr.Scene(objects={"x": two})
+    scene = vr.Scene(
+        film=vr.Film(width=8, height=6),
+        objects={"x": one, "y": one},
+        settings=vr.Settings(spp=1),
+        camera=vr.Camera(),
+        lights={},
+    )
+    other = vr.Scene(objects={"x": two}, camera=vr.Camera(), lights={})
     change = {a: value(other, a) for a in numeric_addresses(other) if a.startswith("objects.x.")}
     change |= {f"objects.x.{k}": x.values for k, x in vars(two).items() if isinstance(x, NumberTable)}
     prepared = vr.prepare(scene)
@@ -194,7 +202,9 @@ def mesh_scene(normals: str) -> vr.Scene:
     box = trimesh.creation.box()
     other = vr.Mesh(vertices=box.vertices, faces=box.faces, normals=normals, transform=turned)
     objects = {"floor": vr.Plane(point=(0, -1, 0)), "m": mesh, "box": other}
-    return vr.Scene(film=SCENE.film, lights=SCENE.lights, objects=objects, settings=vr.Settings(spp=2))
+    return vr.Scene(
+        film=SCENE.film, lights=SCENE.lights, objects=objects, settings=vr.Settings(spp=2), camera=vr.Camera()
+    )
 
 
 @pytest.mark.parametrize("normals", ["face", "smooth"])
@@ -238,7 +248,9 @@ def test_so_many_rows_at_once_are_moved_by_one_kernel() -> None:
     """However many: their number is no code."""
     places = np.random.default_rng(1).uniform(-2, 2, (60, 3))
     things = {f"b{i}": vr.Sphere(center=tuple(map(float, p)), radius=0.2) for i, p in enumerate(places)}
-    prepared = vr.prepare(vr.Scene(film=SCENE.film, objects=things, settings=vr.Settings(spp=1)))
+    prepared = vr.prepare(
+        vr.Scene(film=SCENE.film, objects=things, settings=vr.Settings(spp=1), camera=vr.Camera(), lights={})
+    )
 
     def moved(count: int) -> None:
         picture(prepared.updated({f"objects.b{i}.radius": 0.1 for i in range(count)}))

@@ -63,6 +63,7 @@ def small(**things: object) -> vr.Scene:
         lights={"key": vr.PointLight(position=(3, 4, 5))},
         objects=objects,
         settings=vr.Settings(spp=1),
+        camera=vr.Camera(),
     )
 
 

@@ -108,6 +108,7 @@ FLOOR = Scene(
     materials={"m": Material(ka=(0.1, 0.2, 0.3), kd=(0.5, 0.6, 0.7))},
     objects={"floor": Plane(material="m")},
     settings=Settings(precision="double", spp=1),
+    lights={},
 )
 
 

@@ -10,7 +10,13 @@ from drjit.llvm.ad import Bool, Float64, UInt32
 
 import visray as vr
 
-SCENE = vr.Scene(film=vr.Film(width=4, height=3), objects={"ball": vr.Sphere()}, settings=vr.Settings(spp=1))
+SCENE = vr.Scene(
+    film=vr.Film(width=4, height=3),
+    objects={"ball": vr.Sphere()},
+    settings=vr.Settings(spp=1),
+    camera=vr.Camera(),
+    lights={},
+)
 CALLS = {
     "render": lambda prepared: vr.render(SCENE),
     "render of a prepared scene": lambda prepared: vr.render(prepared),

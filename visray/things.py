@@ -72,7 +72,7 @@ def _layers(scene: Scene) -> Iterator[Thing]:
 
 
 def _framed(scene: Scene, rows: Rows) -> Balls:
-    """The corners of the boxes of gizmos that are one shape in a frame of its own for each row: boxes and geometries."""
+    """The corners of the boxes of gizmos that are one shape in the frames of the rows: boxes and geometries."""
     low, high = -np.ones(3), np.ones(3)
     if rows.geometry is not None:
         low, high = bounding_box(scene.placed_shape(Instance(geometry=rows.geometry))) or (low, high)

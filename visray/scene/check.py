@@ -27,10 +27,10 @@ from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.quantities import Name
 from visray.scene.animation_flaws import animation_flaws
-from visray.scene.csg_flaws import named_geometries, operand_flaws, reference_flaws, with_operands
-from visray.scene.data_flaws import data_flaws, geometries_of_data
 from visray.scene.animation_targets import still
 from visray.scene.animation_values import track_values
+from visray.scene.csg_flaws import named_geometries, operand_flaws, reference_flaws, with_operands
+from visray.scene.data_flaws import data_flaws, geometries_of_data
 from visray.scene.edits import SECTIONS, edited, parts
 from visray.scene.garbage import uncollected
 from visray.scene.material_flaws import material_flaws
@@ -318,8 +318,8 @@ def _placement_flaw(scene: Scene, instance: Instance) -> str | None:
 
 
 def _camera_flaws(camera: Camera | None) -> list[str]:
-    """List with the error of the camera, if there is one and it has one: origin and target are equal, a vector is too long or too short,
-    `up` is parallel to the view direction, or the shutter closes before it opens."""
+    """List with the error of the camera, if there is one and it has one: origin and target are equal, a vector is too
+    long or too short, `up` is parallel to the view direction, or the shutter closes before it opens."""
     if camera is None:
         return []
     if (shutter := camera.shutter) is not None and shutter.close <= shutter.open:

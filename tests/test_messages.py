@@ -97,7 +97,7 @@ def test_half_a_character_in_a_scene_from_python_is_refused():
 
 def test_whole_characters_are_none_of_that(tmp_path):
     assert wrong_texts({"é 😀": ["😀", 1, None, {"x": (True,)}]}) == []
-    (tmp_path / "a.json").write_text(r'{"objects": {"\ud83d\ude00": {"type": "sphere"}}}')
+    (tmp_path / "a.json").write_text(r'{"objects": {"\ud83d\ude00": {"type": "sphere"}}, "camera": {}, "lights": {}}')
     assert list(vr.load(tmp_path / "a.json").objects) == ["😀"]
 
 

@@ -180,14 +180,16 @@ def test_dump_loads_back_as_an_equal_scene(tmp_path: Path, scene: Scene) -> None
 
 
 def test_dump_leaves_defaults_out_and_keeps_lists_on_a_line() -> None:
-    assert dump(Scene(camera=Camera(), lights={})) == "{}\n"
+    assert dump(Scene(camera=Camera(), lights={})) == '{\n  "camera": {},\n  "lights": {}\n}\n'
     ball = Sphere(center=(1.0, 2.0, 3.0), material="red", transform=(Translate(translate=(0.0, 1.0, 0.0)),))
     text = dump(Scene(materials={"red": Material()}, objects={"ball": ball}, camera=Camera(), lights={}))
     assert text.splitlines() == [
         "{",
+        '  "camera": {},',
         '  "materials": {',
         '    "red": {}',
         "  },",
+        '  "lights": {},',
         '  "objects": {',
         '    "ball": {',
         '      "type": "sphere",',
@@ -217,14 +219,12 @@ def test_dump_like_a_file_says_what_that_says_in_its_order(path: Path, tmp_path:
 
 
 def test_dump_shows_what_differs_in_nested_settings_only() -> None:
-    assert (
-        dump(Scene(settings=Settings(occlusion=Occlusion(sky=0), scatter=Scatter()), camera=Camera(), lights={}))
-        == "{}\n"
-    )
+    plain = Scene(settings=Settings(occlusion=Occlusion(sky=0), scatter=Scatter()), camera=Camera(), lights={})
+    assert json.loads(dump(plain)) == {"camera": {}, "lights": {}}
     nested = Settings(occlusion=Occlusion(sky=8, distance=1.0), scatter=Scatter(depth=3))
     assert json.loads(dump(Scene(settings=nested, camera=Camera(), lights={}))) == {
-        "settings": {"occlusion": {"sky": 8}, "scatter": {"depth": 3}}
-    }
+        "camera": {}, "lights": {}, "settings": {"occlusion": {"sky": 8}, "scatter": {"depth": 3}}
+    }  # fmt: skip
 
 
 PLACE = {"position": (1.0, 2.0, 3.0)}
@@ -951,7 +951,9 @@ def test_the_schema_tells_units_and_what_is_required() -> None:
     assert made["$defs"]["Triangle"]["required"] == ["type", "a", "b", "c"]
     assert made["$defs"]["SpotLight"]["required"] == ["type", "position", "direction"]
     assert made["$defs"]["ImageTexture"]["required"] == ["type", "file"]
-    assert all(made["properties"][k]["additionalProperties"] is False for k in ("objects", "lights", "textures"))
+    assert all(made["properties"][k]["additionalProperties"] is False for k in ("objects", "textures"))
+    lights, missing = made["properties"]["lights"]["anyOf"]
+    assert (lights["additionalProperties"], missing) == (False, {"type": "null"})
 
 
 def test_the_schema_tells_what_every_kind_and_every_field_means() -> None:

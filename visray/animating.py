@@ -23,7 +23,7 @@ from visray.output.layers import NAMES
 from visray.progress import Bar, Interrupts
 from visray.renderer import checked_layers
 from visray.scene.adjusted import adjusted
-from visray.scene.load import load
+from visray.scene.load import load_as_written
 from visray.scene.scene import Scene
 from visray.setup import set_threads
 
@@ -67,7 +67,7 @@ def animate(
     """
     Goal.from_arguments(error, time, spp, clock.now())
     options = {"layers": checked_layers(layers), "error": error, "time": time, "legend": legend, "backend": backend}
-    scene = load(scene, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
+    scene = load_as_written(scene, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
     scene = adjusted(scene, spp=spp, size=size, seed=seed, precision=precision)
     if times is None:
         chosen = chosen_frames(scene.animation, frames, fps)

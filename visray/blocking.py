@@ -1,7 +1,8 @@
 """Which straight lines between points opaque objects block: planes, flat shapes, balls, boxes and cylinders.
 
-A fitted camera and fitted lights need this (fitted_scene.py): they must not stand behind a wall or below a floor. It is
-NumPy, in double precision, for many segments at once. Objects of other kinds block nothing here.
+A fitted camera and fitted lights need this (fitted_scene.py): they must not stand behind a wall or below a floor.
+Solids are hollow here: a segment inside one is not blocked. It is NumPy, in double precision, for many segments at
+once. Objects of other kinds block nothing.
 """
 
 from collections.abc import Callable
@@ -23,7 +24,7 @@ Test = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def blocked(shape: Primitive, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Whether a point of the object lies strictly between a and b. Segments that lie in a flat shape are not blocked.
+    """Whether a point of the surface lies strictly between a and b. Segments that lie in a flat shape are not blocked.
 
     Shapes: a, b (N, 3); result (N).
     """
@@ -76,15 +77,15 @@ def _round(o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.where(found, middle - half, np.inf), np.where(found, middle + half, -np.inf)
 
 
-def _meets(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Whether the interval from low to high has a part between 0 and 1."""
-    return np.maximum(low, 0) < np.minimum(high, 1)
+def _crosses(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Whether an end of the interval from low to high lies between 0 and 1: there a segment crosses the surface."""
+    return (low < high) & (((low > 0) & (low < 1)) | ((high > 0) & (high < 1)))
 
 
 def _cylinder(o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """The test of the solid x^2 + y^2 <= 1, |z| <= 1."""
     wall, caps = _round(o[:2], d[:2]), _slabs(o[2:], d[2:])
-    return _meets(np.maximum(wall[0], caps[0]), np.minimum(wall[1], caps[1]))
+    return _crosses(np.maximum(wall[0], caps[0]), np.minimum(wall[1], caps[1]))
 
 
 TESTS: dict[type[Primitive], Test] = {
@@ -92,8 +93,8 @@ TESTS: dict[type[Primitive], Test] = {
     Rectangle: _flat(lambda x, y: (np.abs(x) <= 1) & (np.abs(y) <= 1)),
     Disk: _flat(lambda x, y: x * x + y * y <= 1),
     Triangle: _flat(lambda x, y: (x >= 0) & (y >= 0) & (x + y <= 1)),
-    Sphere: lambda o, d: _meets(*_round(o, d)),
-    Ellipsoid: lambda o, d: _meets(*_round(o, d)),
-    Box: lambda o, d: _meets(*_slabs(o, d)),
+    Sphere: lambda o, d: _crosses(*_round(o, d)),
+    Ellipsoid: lambda o, d: _crosses(*_round(o, d)),
+    Box: lambda o, d: _crosses(*_slabs(o, d)),
     Cylinder: _cylinder,
 }

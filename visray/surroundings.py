@@ -121,7 +121,7 @@ def _contains(thing: Thing, rest: Balls) -> bool:
     if type(thing.shape) not in (Sphere, Ellipsoid, Box):
         return False
     low, high = rest.box()
-    if not ((thing.low < low).all() and (high < thing.high).all()):
+    if not ((thing.low <= low).all() and (high <= thing.high).all()):
         return False
     if type(thing.shape) is Box:
         return not thing.shape.transform

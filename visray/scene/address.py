@@ -30,15 +30,14 @@ DECIMAL = re.compile(r"\+?\d+\.\d*|[-+]?\.\d+|-\d+\.")
 @checked_arguments
 def value(scene: Scene, address: str) -> Any:
     """Value at an address. If there is no such value, raises a UserError that lists the keys to choose from."""
-    scene = _complete_at(scene, [address])
+    scene = checked(scene) if _to_fit(scene, [address]) else scene
     return value_at(checked(replace(scene, animation=None)) if is_below_layer(scene, address) else scene, address)
 
 
-def _complete_at(scene: Scene, addresses: Collection[str]) -> Scene:
-    """The scene with a fitted camera and fitted lights, if it has none and an address is below one of them."""
-    heads = {head for head, _, rest in (a.partition(".") for a in addresses) if rest}
-    missing = [name for name in ("camera", "lights") if name in heads and getattr(scene, name) is None]
-    return checked(scene) if missing else scene
+def _to_fit(scene: Scene, addresses: Collection[str]) -> list[str]:
+    """Those addresses that are below a camera or lights that the scene does not have, so that they must be fitted."""
+    missing = [f"{name}." for name in ("camera", "lights") if getattr(scene, name) is None]
+    return [a for a in addresses if a.startswith(tuple(missing))]
 
 
 @checked_arguments
@@ -59,7 +58,10 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
 
     A scene without camera or lights gets fitted ones if an address is below them, and otherwise stays without.
     """
-    scene = _complete_at(scene, assignments)
+    if of_fitted := _to_fit(scene, assignments):
+        # What is fitted fits all other changes.
+        rest = {a: x for a, x in assignments.items() if a not in of_fitted}
+        scene, assignments = checked(changed(scene, rest)), {a: assignments[a] for a in of_fitted}
     if scene.data is not None and any(is_below_layer(scene, address) for address in assignments):
         scene = replace(scene, data=checked(replace(scene, animation=None)).data)
     result, flaws = examined(edited(scene, assignments))

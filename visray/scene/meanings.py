@@ -31,11 +31,12 @@ from visray.transforms import Matrix, Rotate, Scale
 # (quantities.Quantity).
 MEANINGS: dict[type, dict[str, str]] = {
     Scene: {
-        "camera": "where you look from, and where to; perspective if it has no type",
+        "camera": "where you look from, and where to; perspective if it has no type; null: one is fitted that shows "
+        "all that is bounded",
         "background": "colour of rays that hit nothing: a colour, or a gradient",
         "textures": "textures by name",
         "materials": "materials by name",
-        "lights": "lights by name",
+        "lights": "lights by name; {}: none; null: a key light and a fill light are fitted",
         "geometries": "shapes by name that objects of the type instance show, each many times; they have no material",
         "objects": "objects by name",
         "data": "real data: a map or a globe, and layers of rows of tables, each row shown by a gizmo",

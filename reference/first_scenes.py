@@ -31,6 +31,7 @@ GAP, LINE = 8, 14
 def one(scene: str, picture: str) -> None:
     """Renders a scene file, or the `scene` of a script, with the visray that Python finds. Prints a report."""
     import numpy as np
+
     import visray as vr
 
     with warnings.catch_warnings(record=True) as said:

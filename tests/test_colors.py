@@ -109,7 +109,7 @@ def test_colours_of_a_file() -> None:
 
 @pytest.mark.parametrize("number", [0, 0.5, 1, np.float32(0.5), np.int64(1)])
 def test_a_number_is_grey(number: object) -> None:
-    scene = vr.replaced(vr.Scene(), "ambient", number)
+    scene = vr.replaced(vr.Scene(camera=vr.Camera(), lights={}), "ambient", number)
     assert scene.ambient == (float(number),) * 3
     assert spelled(number) == (number,) * 3
 
@@ -139,7 +139,7 @@ def test_wrong_numbers(material: dict, flaw: str) -> None:
 def test_set_takes_names(tmp_path: Path) -> None:
     from visray.scene.address import parse_assignment
 
-    scene = vr.Scene(materials={"m": vr.Material()})
+    scene = vr.Scene(materials={"m": vr.Material()}, camera=vr.Camera(), lights={})
     for text in ("materials.m.kd=tomato", "materials.m.kd=#ff6347", 'materials.m.kd="tomato"'):
         assert vr.replaced(scene, *parse_assignment(text)).materials["m"].kd == color_of_text("tomato")
     assert vr.replaced(scene, *parse_assignment("materials.m.ks=0.5")).materials["m"].ks == (0.5, 0.5, 0.5)

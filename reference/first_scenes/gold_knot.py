@@ -1,4 +1,5 @@
 import numpy as np
+
 import visray as vr
 
 n, m = 240, 24

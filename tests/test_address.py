@@ -5,6 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import pytest
+from unchecked import unchecked
 
 from visray.camera import Camera
 from visray.errors import UserError
@@ -229,9 +230,13 @@ def test_what_is_put_in_is_checked(address: str, new: object, expected: str) -> 
         ("lights.window.height", (2, 0, 0), "lights.window.height = [2.0, 0.0, 0.0]: must not be parallel to width: "),
         ("lights.sun.c", 1, "lights.sun.c = 1.0: must be 0: "),
         # Instances are checked as well, wherever they lie.
-        ("camera", Camera(fov=-1.0), "camera.fov = -1.0: must be at least 0.01"),
-        ("materials", {"glass": Material(ior=0.0)}, "materials.glass.ior = 0.0: must be at least 0.01"),
-        ("settings", Settings(occlusion=Occlusion(near=-1)), "settings.occlusion.near = -1: must be at least 0"),
+        ("camera", unchecked(Camera, fov=-1.0), "camera.fov = -1.0: must be at least 0.01"),
+        ("materials", {"glass": unchecked(Material, ior=0.0)}, "materials.glass.ior = 0.0: must be at least 0.01"),
+        (
+            "settings",
+            unchecked(Settings, occlusion=unchecked(Occlusion, near=-1)),
+            "settings.occlusion.near = -1: must be at least 0",
+        ),
     ],
 )
 def test_what_is_put_into_a_nested_part_is_checked(address: str, new: object, expected: str) -> None:

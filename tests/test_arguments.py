@@ -103,7 +103,10 @@ def test_odd_values_in_scenes():
     for name in vr.Settings.__dataclass_fields__:
         for odd in ODD:
             refuses_or_begins(
-                vr.explain, {"scene": vr.Scene(settings=vr.Settings(**{name: odd}), camera=vr.Camera(), lights={})}
+                lambda name=name, odd=odd: vr.explain(
+                    vr.Scene(settings=vr.Settings(**{name: odd}), camera=vr.Camera(), lights={})
+                ),
+                {},
             )
 
 

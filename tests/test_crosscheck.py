@@ -685,11 +685,13 @@ def test_other_shadings_are_compared_as_blinn_phong(few: Scene, shading: str) ->
 TEXTURES = {
     "squares": CheckerTexture(a=(0.9, 0.8, 0.7), b=(0.1, 0.2, 0.3), scale=(0.8, 0.6), offset=(0.1, -0.2)),
     **{
-        f"{wrap} {filter}": ImageTexture(file="", filter=filter, wrap=wrap, scale=(1.7, -1.3), offset=(0.3, 0.1))
+        f"{wrap} {filter}": ImageTexture(
+            file="none.png", filter=filter, wrap=wrap, scale=(1.7, -1.3), offset=(0.3, 0.1)
+        )
         for wrap in ("repeat", "clamp", "mirror")
         for filter in ("nearest", "bilinear")
     },
-    "globe": ImageTexture(file="", wrap=("repeat", "clamp")),
+    "globe": ImageTexture(file="none.png", wrap=("repeat", "clamp")),
 }
 
 

@@ -14,7 +14,7 @@ scene.garbage scene.comments scene.source
 llvm
 output.curves
 colors
-quantities pytree operands
+quantities pytree operands record_text references records
 ray geometry transforms fresnel absorption
 accel.sah accel.morton accel.hierarchy accel.blocks accel.bvh accel.row_tests accel.tree_rays accel.walk_stack
 accel.bvh_step accel.bvh_walk
@@ -65,7 +65,7 @@ data.shown_date data.data_scene data.all_objects
 animation.track animation.interpolation animation.rotations animation.curves animation.between
 animation.key_values animation.paths animation.keys animation.orbit animation.spin animation.path animation.ellipse
 animation.kinds animation.animation animation.frames animation
-scene.scene
+scene.naming scene.building scene.scene
 data.row_balls things blocking surroundings fitted_scene
 scene
 animation.moment

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from unchecked import unchecked
 
 import visray as vr
 from visray.errors import UserError
@@ -88,11 +89,16 @@ def test_half_a_character_is_refused(tmp_path, content, line):
 
 def test_half_a_character_in_a_scene_from_python_is_refused():
     scene = vr.Scene(
-        objects={HALF: vr.Sphere(material=HALF)}, materials={HALF: vr.Material()}, camera=vr.Camera(), lights={}
+        objects={HALF: unchecked(vr.Sphere, material=HALF)},
+        materials={HALF: vr.Material()},
+        camera=vr.Camera(),
+        lights={},
     )
     with pytest.raises(UserError) as caught:
         vr.explain(scene)
     assert len(caught.value.lines) == 3 and all(r"\ud800 is half a character" in x for x in caught.value.lines)
+    with pytest.raises(UserError, match=r"^Sphere: material.*half a character"):
+        vr.Sphere(material=HALF)
 
 
 def test_whole_characters_are_none_of_that(tmp_path):

@@ -16,6 +16,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from test_legacy import MATT
 from test_scene_load import FILES, everything
+from unchecked import unchecked
 
 import visray as vr
 from visray import transforms
@@ -145,7 +146,8 @@ def test_an_original_scene_is_validated_once(watched: Watched, tmp_path: Path) -
 
 
 WRONG = {
-    "value": ("objects", "late", vr.Sphere(radius=-1.0), "objects.late.radius = -1.0: must be greater than 0"),
+    "value": ("objects", "late", unchecked(vr.Sphere, radius=-1.0), "objects.late.radius = -1.0: must be greater than "
+              "0"),
     "flaw": ("objects", "late", vr.Box(max=(0.0, 0.0, -1.0)), "objects.late.max = [0.0, 0.0, -1.0]: must be greater "
              "than min in z"),
     "light": ("lights", "late", vr.DirectionalLight(direction=(0.0, -1.0, 0.0), b=1.0), "lights.late.b = 1.0: must be "
@@ -198,8 +200,8 @@ def test_what_is_right_in_one_section_is_wrong_in_another() -> None:
 
 def test_what_can_change_is_validated_every_time(watched: Watched) -> None:
     centre, parameters = [0.0, 0.0, 0.0], {"k": 0.5}
-    surface = vr.Polynomial(expression="x^2 + y^2 - k", parameters=parameters)
-    scene = small(ball=vr.Sphere(center=centre), surface=surface)
+    surface = unchecked(vr.Polynomial, expression="x^2 + y^2 - k", parameters=parameters)
+    scene = small(ball=unchecked(vr.Sphere, center=centre), surface=surface)
     checked(scene)
     watched.since()
     checked(scene)

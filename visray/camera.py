@@ -1,6 +1,6 @@
 """The cameras: perspective, with a pinhole or a thin lens, and orthographic, whose rays are parallel."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, ClassVar, Literal
 
 import drjit as dr
@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field
 
 from visray.geometry import gamma, l1_norm
 from visray.quantities import Angle, Arrays, Direction, Length, LengthOrZero, Point, Real
+from visray.records import record_kind
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ class ParallelView:
 ShareOfFrame = Annotated[Real, Field(ge=-1, le=1)]
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Shutter:
     """When a camera's shutter is open: what moves in this time is blurred. Only animated scenes have motion blur.
@@ -100,8 +102,8 @@ class Viewpoint:
     # By the name of a field that only another type of camera has: what is right instead.
     MISPLACED: ClassVar[dict[str, str]] = {}
 
-    origin: Point = (0.0, 1.0, 6.0)
-    target: Point = (0.0, 0.0, 0.0)
+    origin: Point = field(default=(0.0, 1.0, 6.0), kw_only=False)
+    target: Point = field(default=(0.0, 0.0, 0.0), kw_only=False)
     up: Direction = (0.0, 1.0, 0.0)
     shutter: Shutter | None = None
 
@@ -114,6 +116,7 @@ class Viewpoint:
         return right, dr.cross(right, forward), forward, view
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Camera(Viewpoint):
     """A perspective camera: its rays start at one point, or on a lens around it. `fov` is the vertical angle of view.
@@ -145,6 +148,7 @@ class Camera(Viewpoint):
         return View(self.origin, *steps, *lens, dr.rcp(focus), a.F(dr.norm(to_target)))
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class OrthographicCamera(Viewpoint):
     """An orthographic camera: its rays are parallel, so that parallel lines stay parallel and distance makes nothing

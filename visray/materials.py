@@ -6,7 +6,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field
 
-from visray.quantities import FARTHEST, Color, Factor, Length, Name, Quantity, Real, Share
+from visray.quantities import FARTHEST, Color, Factor, Length, Quantity, Real, Share
+from visray.records import record_kind
+from visray.references import MaterialName, TextureName
 
 RefractiveIndex = Annotated[
     Real, Field(gt=0), Field(ge=0.01, le=100), Quantity(1, "geometry", "> 0, from 0.01 to 100; air is 1")
@@ -25,6 +27,7 @@ def _once(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Material:
     """Blinn-Phong coefficients: ambient `ka`, diffuse `kd`, specular `ks`, and the exponent `shininess`. Without a `ka`
@@ -55,6 +58,8 @@ class Material:
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
+    # The section of a scene that has materials (records.Reference). No annotation, so that it is no field.
+    section = "materials"
 
     # The mark of the colour is outside of the union, so that ka is a quantity (quantities.quantities).
     ka: Annotated[Color | None, Quantity(3, "shading", "linear Rec. 709, each >= 0; null: as kd")] = None
@@ -69,11 +74,11 @@ class Material:
     fresnel: Literal[FRESNEL] = "none"
     # It is no Quantity: kernels read the order of the solids, not the number.
     priority: Real = 0.0
-    texture: Name | None = None
+    texture: TextureName | None = None
     textured: Literal["ka and kd", "kd"] = "ka and kd"
     shading: Literal["lit", "unlit"] = "lit"
     colored: Annotated[tuple[Literal[COLORED], ...], AfterValidator(_once)] = ("ka", "kd")
-    back: Name | None = None
+    back: MaterialName | None = None
 
     @property
     def keeps_ka(self) -> bool:

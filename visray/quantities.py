@@ -114,7 +114,8 @@ _Part = Annotated[Real, Field(ge=0, le=1)]
 Share = Annotated[tuple[_Part, _Part, _Part], ColorMark(1), Quantity(3, "shading", "linear Rec. 709, each from 0 to 1")]
 Factor = Annotated[_NotNegative, Quantity(1, "shading", ">= 0")]
 # A dot separates the parts of an address (`objects.ball.radius`), so a name has none.
-Name = Annotated[str, Field(strict=True, pattern=r"^[^.\s]([^.]*[^.\s])?$")]
+NAME_PATTERN = r"^[^.\s]([^.]*[^.\s])?$"
+Name = Annotated[str, Field(strict=True, pattern=NAME_PATTERN)]
 Count = Annotated[int, Field(strict=True, gt=0)]
 
 

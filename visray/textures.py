@@ -3,13 +3,14 @@
 A new kind is one class here, its name in KINDS, and its colour in images/lookup.py.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
 from visray.named_files import FileRule
 from visray.quantities import Color, Real
+from visray.records import record_kind
 
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
 _Coordinate = Annotated[Real, Field(ge=-1e6, le=1e6)]
@@ -25,11 +26,14 @@ class Texture:
     repeats it twice along u."""
 
     __pydantic_config__ = STRICT
+    # The section of a scene that has textures (records.Reference). No annotation, so that it is no field.
+    section = "textures"
 
     scale: Pair = (1.0, 1.0)
     offset: Pair = (0.0, 0.0)
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class ImageTexture(Texture):
     """A PNG, JPEG or EXR `file` (relative to the scene file), with its first row at v = 1.
@@ -42,7 +46,7 @@ class ImageTexture(Texture):
     """
 
     type: Literal["image"] = "image"
-    file: Annotated[str, FileRule()]
+    file: Annotated[str, FileRule()] = field(kw_only=False)
     filter: Literal["nearest", "bilinear"] = "bilinear"
     wrap: Wrap | tuple[Wrap, Wrap] = "repeat"
     encoding: Literal["auto", "srgb", "linear"] = "auto"
@@ -53,14 +57,15 @@ class ImageTexture(Texture):
         return (self.wrap, self.wrap) if isinstance(self.wrap, str) else self.wrap
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class CheckerTexture(Texture):
     """Squares of two colours `a` and `b`, two squares along each unit of u and of v. The square with u and v from 0 to
     1/2 has colour `a`."""
 
     type: Literal["checker"] = "checker"
-    a: Color = (0.8, 0.8, 0.8)
-    b: Color = (0.2, 0.2, 0.2)
+    a: Color = field(default=(0.8, 0.8, 0.8), kw_only=False)
+    b: Color = field(default=(0.2, 0.2, 0.2), kw_only=False)
 
 
 KINDS = (ImageTexture, CheckerTexture)

@@ -6,13 +6,14 @@ it uses plain numbers, no arrays.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Union
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Discriminator, Tag
 
 from visray.quantities import Direction, Point, Real, Triple
+from visray.records import record_kind
 
 
 def _scale_triple(s: float | Triple) -> float | Triple:
@@ -64,12 +65,13 @@ def _affines(linear: np.ndarray, shift: Any = (0.0, 0.0, 0.0)) -> np.ndarray:
     return matrices
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Translate:
     """Moves by a vector."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
-    translate: Point
+    translate: Point = field(kw_only=False)
 
     @staticmethod
     def affines(steps: list["Translate"]) -> np.ndarray:
@@ -79,12 +81,13 @@ class Translate:
         return 1.0, 1.0, sum(map(abs, self.translate))
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Scale:
     """Scales about the origin, by one factor or by one for each axis. A negative factor mirrors."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
-    scale: Annotated[Union[Real, Triple], AfterValidator(_scale_triple)]
+    scale: Annotated[Union[Real, Triple], AfterValidator(_scale_triple)] = field(kw_only=False)
 
     @staticmethod
     def affines(steps: list["Scale"]) -> np.ndarray:
@@ -96,6 +99,7 @@ class Scale:
         return min(factors), max(factors), 0.0
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Rotate:
     """Turns by `rotate` degrees about `axis` through the origin; counter-clockwise when the axis points at the
@@ -103,8 +107,8 @@ class Rotate:
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
-    rotate: Real
-    axis: Direction = (0.0, 1.0, 0.0)
+    rotate: Real = field(kw_only=False)
+    axis: Direction = field(default=(0.0, 1.0, 0.0), kw_only=False)
 
     @staticmethod
     def affines(steps: list["Rotate"]) -> np.ndarray:
@@ -119,12 +123,13 @@ class Rotate:
         return 1.0, 1.0, 0.0
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Matrix:
     """Any affine map, as the upper three rows of its 4 x 4 matrix, which multiplies column vectors."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
-    matrix: Annotated[tuple[Row, Row, Row], AfterValidator(_invertible)]
+    matrix: Annotated[tuple[Row, Row, Row], AfterValidator(_invertible)] = field(kw_only=False)
 
     @staticmethod
     def affines(steps: list["Matrix"]) -> np.ndarray:

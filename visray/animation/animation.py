@@ -9,6 +9,7 @@ from visray.animation.keys import KeysTrack
 from visray.animation.kinds import KINDS
 from visray.animation.track import LONGEST
 from visray.quantities import Name, Real
+from visray.records import record_kind
 
 Duration = Annotated[Real, Field(gt=0, le=LONGEST)]
 # What high-speed cameras reach.
@@ -25,6 +26,7 @@ def _track_type(raw: Any) -> Any:
 Track = Annotated[Union[tuple(Annotated[kind, Tag(kind.type)] for kind in KINDS)], Discriminator(_track_type)]
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Animation:
     """What moves in a scene, as functions of time.

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, ConfigDict, Field
 
 from visray.animation.track import CHECKS, Address, Stage, Track
 from visray.quantities import Point, Real
+from visray.records import record_kind
 
 # Seconds of the shortest turn. There may be 86400 s of them.
 SHORTEST = 1e-6
@@ -24,6 +25,7 @@ def _turns(period: float) -> float:
 Period = Annotated[Real, AfterValidator(_turns)]
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Ellipse:
     """A point on a horizontal ellipse with the radii `radii` in x and z. At the time t it is at (rx cos a, 0, rz sin
@@ -41,6 +43,7 @@ class Ellipse:
         return self.radii[0] * math.cos(angle), self.radii[1] * math.sin(angle)
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class EllipseTrack(Ellipse, Track):
     """The point at `address` moves on an ellipse about `center`; without a center, about the point that the scene has

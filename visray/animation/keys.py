@@ -11,10 +11,12 @@ from pydantic import BeforeValidator
 from visray.animation.curves import Interpolation, Sort, curve
 from visray.animation.key_values import key_value
 from visray.animation.track import LEAST, LEAST_SHOWN, Address, Seconds, Stage, Track
+from visray.records import record_kind
 
 KeyValue = Annotated[Any, BeforeValidator(key_value)]
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class KeysTrack(Track):
     """The value at `address` has the value `values[i]` at the time `times[i]`. Before the first time and after the last

@@ -7,9 +7,11 @@ import numpy as np
 
 from visray.animation.track import Stage, TimedTrack, Turns
 from visray.quantities import Direction
+from visray.records import record_kind
 from visray.transforms import Rotate
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class OrbitTrack(TimedTrack):
     """The camera goes about its target, on a circle about the axis `axis` through the target; without one, the axis is

@@ -11,8 +11,10 @@ from pydantic import Field
 from visray.animation.paths import Path, polygon, spline
 from visray.animation.track import Address, Stage, TimedTrack
 from visray.quantities import FARTHEST, Triple
+from visray.records import record_kind
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class PathTrack(TimedTrack):
     """The point at `address` goes along `points` at constant speed; if the path is `closed`, from the last point back

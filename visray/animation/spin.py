@@ -5,8 +5,10 @@ from typing import Any, ClassVar, Literal
 
 from visray.animation.track import Address, Stage, TimedTrack, Turns
 from visray.quantities import Direction, Point
+from visray.records import record_kind
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class SpinTrack(TimedTrack):
     """What is at the address `of`, such as `objects.earth`, turns about the axis `axis` through `center`, `turns`

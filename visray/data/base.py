@@ -13,7 +13,9 @@ from visray.primitives.plane import Plane
 from visray.primitives.primitive import Primitive
 from visray.primitives.rectangle import Rectangle
 from visray.primitives.sphere import Sphere
-from visray.quantities import Length, Name, Point, Real
+from visray.quantities import Length, Point, Real
+from visray.records import record_kind
+from visray.references import MaterialName
 from visray.transforms import Scale, Transform, Translate, compose
 
 DEGREE = np.pi / 180
@@ -59,7 +61,7 @@ class AnyBase:
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
 
-    material: Name = "default"
+    material: MaterialName = "default"
     transform: tuple[Transform, ...] = ()
 
     def flaws(self) -> list[tuple[str, str]]:
@@ -97,6 +99,7 @@ def _columns(*parts: Any) -> np.ndarray:
     return np.stack(np.broadcast_arrays(*parts), axis=1).astype(float)
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class GlobeBase(AnyBase):
     """A globe: a sphere of `radius` about `center`. North is +y; longitude 0 is at +x, and 90 degrees east at -z.
@@ -252,6 +255,7 @@ class FlatBase(AnyBase):
             return np.where((lon >= west) & (lon <= east), lon, lon - 360 * turns)
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class MapBase(FlatBase):
     """A rectangle with a map."""
@@ -264,6 +268,7 @@ class MapBase(FlatBase):
         return Rectangle(center=self.center, **sides, material=self.material, transform=self.transform)
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class PlaneBase(FlatBase):
     """An infinite plane. The map is a part of it, and its texture goes on beyond the map's edges as its `wrap` says."""

@@ -13,6 +13,7 @@ from visray.data.norm import LogNorm, Norm, PowerNorm, QuantileNorm
 from visray.data.palette import TABLE, Encoding, PaletteSpec, palette_flaw, palette_of
 from visray.data.resolved_colors import Colours, ResolvedColors
 from visray.quantities import Real
+from visray.records import record_kind
 
 NormName = Literal["linear", "log", "symmetric", "power", "quantile", "banded"]
 _Flag = Annotated[bool, Field(strict=True)]
@@ -22,6 +23,7 @@ MOST_BANDS = 256
 OFF_MIDDLE = 0.01
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class ColorRule:
     """The colour of a datum is the colour that `palette` has at the place t of its value in the `domain`.

@@ -16,12 +16,14 @@ from visray.data.table import LISTED
 from visray.errors import UserError
 from visray.hints import hint
 from visray.quantities import Name
+from visray.records import record_kind
 from visray.terminal import printable
 
 # Names that no layer can have, because they are the names of other parts of the data.
 RESERVED = ("base", "layers", "legend")
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Data:
     """Real data as a part of a scene.

@@ -14,7 +14,9 @@ from visray.data.row_names import RowNames
 from visray.data.size_rule import SizeSpec
 from visray.data.source import SourceRule, TableValue
 from visray.data.time_column import TimeColumn, TimeRule
-from visray.quantities import FARTHEST, Name, Real
+from visray.quantities import FARTHEST, Real
+from visray.records import record_kind
+from visray.references import GeometryName, MaterialName
 
 Numbers = Annotated[NumberColumn, ColumnRule()]
 OwnNumbers = Annotated[NumberColumn, ColumnRule(among=True)]
@@ -26,6 +28,7 @@ ROW_NUMBER = r"^(0|[1-9][0-9]{0,17})$"
 RowNumber = Annotated[str, Field(pattern=ROW_NUMBER)]
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class RowEdit:
     """Numbers of one row that replace those of the source, in units of the data."""
@@ -39,6 +42,7 @@ class RowEdit:
     color: Real | None = None
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class DataLayer:
     """A layer shows each row of a table by a gizmo.
@@ -77,12 +81,12 @@ class DataLayer:
     value: Column | Numbers | None = None
     name: Column | RowNames | None = None
     gizmo: Literal[tuple(GIZMOS)] = "cylinder"
-    geometry: Name | None = None
+    geometry: GeometryName | None = None
     height: SizeSpec | OwnNumbers | None = None
     radius: SizeSpec | OwnNumbers | None = None
     # Three numbers from 0 to 1 are a colour, and other lists are numbers of rows.
     color: Annotated[ColorSpec | OwnNumbers, Field(union_mode="left_to_right")] = None
-    material: Name = "default"
+    material: MaterialName = "default"
     sunk: Share = 0.0
     lift: Annotated[Real, Field(ge=-FARTHEST, le=FARTHEST)] | None = None
     rows: dict[RowNumber, RowEdit] = field(default_factory=dict)

@@ -7,6 +7,7 @@ from pydantic import ConfigDict, Field
 
 from visray.data.base import Latitude, Longitude
 from visray.quantities import Real
+from visray.records import record_kind
 
 _Flag = Annotated[bool, Field(strict=True)]
 _Text = Annotated[str, Field(strict=True)]
@@ -14,6 +15,7 @@ _NotEmpty = Annotated[str, Field(strict=True, min_length=1)]
 TextSize = Annotated[Real, Field(ge=0.5, le=4)]
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Legend:
     """What is written over the picture: `title` and `subtitle` at the top, the `source` of the data at the bottom, and

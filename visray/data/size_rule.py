@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field
 
 from visray.data.column import Column, Place, row_place, rows_text
 from visray.quantities import FARTHEST, LengthOrZero, Real
+from visray.records import record_kind
 
 _Size = Annotated[Real, Field(ge=0, le=FARTHEST)]
 
@@ -29,6 +30,7 @@ class Sizes:
     hi: float
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class SizeRule:
     """The size of a datum is a + t (b - a), in world units, for the `range` (a, b) and the place t of its value in the

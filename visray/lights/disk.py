@@ -1,6 +1,6 @@
 """Disk light."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -8,17 +8,19 @@ import drjit as dr
 from visray.geometry import tangents
 from visray.lights.light import AreaLight
 from visray.quantities import Direction, Length, Point
+from visray.records import record_kind
 from visray.warp import disk
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class DiskLight(AreaLight):
     """A disk about `position`, with `radius`, perpendicular to `normal`; it shines to both sides."""
 
     type: Literal["disk"] = "disk"
-    position: Point
-    normal: Direction = (0.0, 1.0, 0.0)
-    radius: Length = 1.0
+    position: Point = field(kw_only=False)
+    normal: Direction = field(default=(0.0, 1.0, 0.0), kw_only=False)
+    radius: Length = field(default=1.0, kw_only=False)
 
     def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         s, t = tangents(dr.normalize(self.normal))

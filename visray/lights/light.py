@@ -38,6 +38,7 @@ class Light:
     b: Factor = 0.0
     c: Factor = 0.0
 
+    section: ClassVar[str] = "lights"
     # Whether the light has a position, and whether it has an area.
     has_position: ClassVar[bool] = True
     has_area: ClassVar[bool] = False

@@ -1,6 +1,6 @@
 """Parallelogram light."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -8,16 +8,18 @@ import numpy as np
 
 from visray.lights.light import AreaLight
 from visray.quantities import Point, Vector
+from visray.records import record_kind
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class RectangleLight(AreaLight):
     """A parallelogram with centre `position`. The vectors `width` and `height` are its sides. It shines both ways."""
 
     type: Literal["rectangle"] = "rectangle"
-    position: Point
-    width: Vector = (1.0, 0.0, 0.0)
-    height: Vector = (0.0, 0.0, 1.0)
+    position: Point = field(kw_only=False)
+    width: Vector = field(default=(1.0, 0.0, 0.0), kw_only=False)
+    height: Vector = field(default=(0.0, 0.0, 1.0), kw_only=False)
 
     def flaws(self) -> list[tuple[str, str]]:
         w, h = np.array(self.width), np.array(self.height)

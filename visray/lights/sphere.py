@@ -1,21 +1,23 @@
 """Sphere light."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from visray.lights.light import AreaLight
 from visray.quantities import Length, Point
+from visray.records import record_kind
 from visray.warp import sphere
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class SphereLight(AreaLight):
     """A sphere about `position`, with `radius`. All points of its surface shine; the sphere does not shadow its own
     light."""
 
     type: Literal["sphere"] = "sphere"
-    position: Point
-    radius: Length = 1.0
+    position: Point = field(kw_only=False)
+    radius: Length = field(default=1.0, kw_only=False)
 
     def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         return type(u)(self.radius) * sphere(w, u, v)

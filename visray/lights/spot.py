@@ -1,6 +1,6 @@
 """Spot light."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import drjit as dr
@@ -9,12 +9,14 @@ from pydantic import Field
 
 from visray.lights.light import Light
 from visray.quantities import Direction, Factor, Point, Quantity, Real
+from visray.records import record_kind
 
 HalfAngle = Annotated[
     Real, Field(ge=0.01, le=180), Quantity(1, "geometry", "degrees from the axis to the edge, from 0.01 to 180")
 ]
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class SpotLight(Light):
     """A light that shines from `position` along `direction` into a cone. `angle` is the angle between the cone's axis
@@ -25,9 +27,9 @@ class SpotLight(Light):
     """
 
     type: Literal["spot"] = "spot"
-    position: Point
-    direction: Direction
-    angle: HalfAngle = 30.0
+    position: Point = field(kw_only=False)
+    direction: Direction = field(kw_only=False)
+    angle: HalfAngle = field(default=30.0, kw_only=False)
     exponent: Factor = 0.0
 
     def falloff(self, d: Any) -> Any:

@@ -1,6 +1,6 @@
 """The axis-aligned box."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -9,9 +9,11 @@ from visray.geometry import Frame
 from visray.primitives.convex import ConvexSolid, Interval, slab
 from visray.primitives.primitive import MitsubaShapes, corner_distance, half_extents, scalars, to_world_matrix
 from visray.quantities import Point
+from visray.records import record_kind
 from visray.transforms import compose
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Box(ConvexSolid):
     """An axis-aligned box between the corners `min` and `max`. A transform can rotate it.
@@ -24,8 +26,8 @@ class Box(ConvexSolid):
     parts = 6
 
     type: Literal["box"] = "box"
-    min: Point = (-0.5, -0.5, -0.5)
-    max: Point = (0.5, 0.5, 0.5)
+    min: Point = field(default=(-0.5, -0.5, -0.5), kw_only=False)
+    max: Point = field(default=(0.5, 0.5, 0.5), kw_only=False)
 
     def flaws(self) -> list[tuple[str, str]]:
         empty = [axis for axis, low, high in zip("xyz", self.min, self.max) if not high > low]

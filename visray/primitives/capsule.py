@@ -1,6 +1,6 @@
 """The capsule."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -11,12 +11,14 @@ from visray.primitives.convex import ConvexSolid, Interval
 from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
 from visray.primitives.revolved import angle_u, through_wall
 from visray.quantities import FARTHEST, Length, Point
+from visray.records import record_kind
 from visray.transforms import compose
 
 # The parts of the surface.
 WALL, CAP_A, CAP_B = range(3)
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Capsule(ConvexSolid):
     """A cylinder with hemispherical caps: all points within `radius` of the segment from `a` to `b`.
@@ -32,9 +34,9 @@ class Capsule(ConvexSolid):
     axis_fields = ("a", "b")
 
     type: Literal["capsule"] = "capsule"
-    a: Point = (0.0, -0.5, 0.0)
-    b: Point = (0.0, 0.5, 0.0)
-    radius: Length = 0.5
+    a: Point = field(default=(0.0, -0.5, 0.0), kw_only=False)
+    b: Point = field(default=(0.0, 0.5, 0.0), kw_only=False)
+    radius: Length = field(default=0.5, kw_only=False)
 
     def flaws(self) -> list[tuple[str, str]]:
         same = max(abs(y - x) for x, y in zip(self.a, self.b)) < 1 / FARTHEST

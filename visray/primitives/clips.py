@@ -1,6 +1,6 @@
 """Clips: solids that bound polynomial surfaces. Only the part of a surface inside its clip exists."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from pydantic import ConfigDict
@@ -10,6 +10,7 @@ from visray.primitives.box import Box
 from visray.primitives.primitive import Bounds
 from visray.primitives.sphere import Sphere
 from visray.quantities import Length, Point
+from visray.records import record_kind
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,23 +48,25 @@ class Clip:
         return self.solid.flaws(self)
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Ball(Clip):
     """A spherical clip: all points within `radius` of `center`."""
 
     type: Literal["sphere"] = "sphere"
-    center: Point = (0.0, 0.0, 0.0)
-    radius: Length = 5.0
+    center: Point = field(default=(0.0, 0.0, 0.0), kw_only=False)
+    radius: Length = field(default=5.0, kw_only=False)
 
     solid = Sphere
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Block(Clip):
     """A box-shaped clip between the corners `min` and `max`."""
 
     type: Literal["box"] = "box"
-    min: Point = (-1.0, -1.0, -1.0)
-    max: Point = (1.0, 1.0, 1.0)
+    min: Point = field(default=(-1.0, -1.0, -1.0), kw_only=False)
+    max: Point = field(default=(1.0, 1.0, 1.0), kw_only=False)
 
     solid = Box

@@ -1,6 +1,6 @@
 """The capped cone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -10,12 +10,14 @@ from visray.primitives.convex import Interval, slab
 from visray.primitives.primitive import MitsubaShapes, Placed, scalars, to_world_matrix
 from visray.primitives.revolved import Revolved, angle_u, axial_frame
 from visray.quantities import Direction, Length, Point
+from visray.records import record_kind
 from visray.transforms import compose
 
 # The parts of the surface.
 WALL, BASE = range(2)
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Cone(Revolved):
     """A closed cone. Its base is a disk of `radius` about the point `base`. Its apex is `height` away along `axis`.
@@ -29,10 +31,10 @@ class Cone(Revolved):
     axis_fields = ("axis",)
 
     type: Literal["cone"] = "cone"
-    base: Point = (0.0, 0.0, 0.0)
-    axis: Direction = (0.0, 1.0, 0.0)
-    radius: Length = 0.5
-    height: Length = 1.0
+    base: Point = field(default=(0.0, 0.0, 0.0), kw_only=False)
+    axis: Direction = field(default=(0.0, 1.0, 0.0), kw_only=False)
+    radius: Length = field(default=0.5, kw_only=False)
+    height: Length = field(default=1.0, kw_only=False)
 
     def frame(self) -> Frame:
         middle = self.base + 0.5 * self.height * dr.normalize(self.axis)

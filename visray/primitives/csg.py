@@ -1,6 +1,6 @@
 """Constructive solid geometry (CSG): objects that are made of other objects."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
@@ -11,8 +11,10 @@ from visray.primitives.csg_bounds import Hull, hull_of
 from visray.primitives.csg_clusters import clustered
 from visray.primitives.csg_form import Form, form_of
 from visray.primitives.primitive import Bounds, Primitive
+from visray.records import record_kind
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Csg(Primitive):
     """A solid that is made of other solids, its operands `of`: a list, or solids by name. Operands can be of any closed
@@ -28,8 +30,8 @@ class Csg(Primitive):
     """
 
     type: Literal["csg"] = "csg"
-    op: Literal["union", "intersection", "difference", "merge"]
-    of: Operands
+    op: Literal["union", "intersection", "difference", "merge"] = field(kw_only=False)
+    of: Operands = field(kw_only=False)
     ends: Literal["capped", "open"] = "capped"
 
     composite = True

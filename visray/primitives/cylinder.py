@@ -1,6 +1,6 @@
 """The capped cylinder."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -10,12 +10,14 @@ from visray.primitives.convex import Interval, slab
 from visray.primitives.primitive import MitsubaShapes, scalars, to_world_matrix
 from visray.primitives.revolved import Revolved, angle_u, axial_frame, through_wall
 from visray.quantities import Direction, Length, Point
+from visray.records import record_kind
 from visray.transforms import compose
 
 # The parts of the surface.
 WALL, BOTTOM, TOP = range(3)
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Cylinder(Revolved):
     """A closed cylinder with flat caps. `center` is its centre, and `height` its length along `axis`.
@@ -28,10 +30,10 @@ class Cylinder(Revolved):
     axis_fields = ("axis",)
 
     type: Literal["cylinder"] = "cylinder"
-    center: Point = (0.0, 0.0, 0.0)
-    axis: Direction = (0.0, 1.0, 0.0)
-    radius: Length = 0.5
-    height: Length = 1.0
+    center: Point = field(default=(0.0, 0.0, 0.0), kw_only=False)
+    axis: Direction = field(default=(0.0, 1.0, 0.0), kw_only=False)
+    radius: Length = field(default=0.5, kw_only=False)
+    height: Length = field(default=1.0, kw_only=False)
 
     def frame(self) -> Frame:
         return axial_frame(self.center, self.axis, self.radius, self.height)

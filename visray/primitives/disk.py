@@ -1,6 +1,6 @@
 """The disk."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -9,9 +9,11 @@ from visray.geometry import Frame, tangents
 from visray.primitives.flat import Flat
 from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
 from visray.quantities import Direction, Length, Point
+from visray.records import record_kind
 from visray.transforms import compose
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Disk(Flat):
     """A disk of `radius` about `center`.
@@ -22,9 +24,9 @@ class Disk(Flat):
     axis_fields = ("normal",)
 
     type: Literal["disk"] = "disk"
-    center: Point = (0.0, 0.0, 0.0)
-    normal: Direction = (0.0, 1.0, 0.0)
-    radius: Length = 1.0
+    center: Point = field(default=(0.0, 0.0, 0.0), kw_only=False)
+    normal: Direction = field(default=(0.0, 1.0, 0.0), kw_only=False)
+    radius: Length = field(default=1.0, kw_only=False)
 
     def frame(self) -> Frame:
         n = dr.normalize(self.normal)

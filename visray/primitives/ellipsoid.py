@@ -1,13 +1,15 @@
 """The ellipsoid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from visray.geometry import Frame
 from visray.primitives.sphere import UnitSphere
 from visray.quantities import Lengths, Point
+from visray.records import record_kind
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Ellipsoid(UnitSphere):
     """An ellipsoid about `center`, with the half axes `radii` along x, y and z. A transform can rotate it.
@@ -17,8 +19,8 @@ class Ellipsoid(UnitSphere):
     """
 
     type: Literal["ellipsoid"] = "ellipsoid"
-    center: Point = (0.0, 0.0, 0.0)
-    radii: Lengths = (1.0, 0.5, 0.75)
+    center: Point = field(default=(0.0, 0.0, 0.0), kw_only=False)
+    radii: Lengths = field(default=(1.0, 0.5, 0.75), kw_only=False)
 
     def frame(self) -> Frame:
         r, w = self.radii, type(self.radii)

@@ -1,12 +1,14 @@
 """Instances: objects that take their shape from one of the scene's geometries."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from visray.primitives.primitive import Primitive
-from visray.quantities import Name
+from visray.records import record_kind
+from visray.references import GeometryName
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Instance(Primitive):
     """A copy of one of the scene's `geometries`, with its own material and transform.
@@ -15,7 +17,7 @@ class Instance(Primitive):
     """
 
     type: Literal["instance"] = "instance"
-    geometry: Name
+    geometry: GeometryName = field(kw_only=False)
 
     def placed_shape(self, geometry: Primitive) -> Primitive:
         """The geometry as an object of its own kind, with the material of the instance and both transforms."""

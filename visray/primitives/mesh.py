@@ -2,7 +2,7 @@
 
 import os
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -23,6 +23,7 @@ from visray.primitives.mesh_buffers import Body
 from visray.primitives.mesh_triangle import MeshTriangle, SmoothMeshTriangle
 from visray.primitives.primitive import Bounds, MitsubaShapes, Primitive
 from visray.quantities import FARTHEST, Point, Real
+from visray.records import record_kind
 from visray.transforms import Transform, compose
 
 TABLES = {
@@ -38,14 +39,15 @@ COARSE = 2.0**-10
 CACHE_BYTES = 2**30
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class FitBox:
     """A box, given by two opposite corners, into which a mesh is scaled and moved."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    low: Point
-    high: Point
+    low: Point = field(kw_only=False)
+    high: Point = field(kw_only=False)
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ class MeshShape:
 _cache: dict[tuple, MeshShape] = {}
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Mesh(Primitive):
     """A surface of triangles, from a `file` (OBJ, PLY, STL, glTF, GLB or OFF) or from the lists `vertices` and `faces`.
@@ -115,7 +118,7 @@ class Mesh(Primitive):
     """
 
     type: Literal["mesh"] = "mesh"
-    file: Annotated[str, FileRule(files_of_mesh)] | None = None
+    file: Annotated[str, FileRule(files_of_mesh)] | None = field(default=None, kw_only=False)
     part: Annotated[str, Field(strict=True, min_length=1)] | None = None
     vertices: Vertices | None = None
     faces: Faces | None = None

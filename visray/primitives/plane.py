@@ -1,6 +1,6 @@
 """The infinite plane."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -10,9 +10,11 @@ from visray.primitives.convex import ConvexSolid, Interval
 from visray.primitives.flat import Flat
 from visray.primitives.primitive import MitsubaShapes, scalars, to_world_matrix
 from visray.quantities import Arrays, Direction, Point, quantities, stacked
+from visray.records import record_kind
 from visray.transforms import compose
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Plane(Flat):
     """An infinite plane: all points p with normal . (p - point) = 0.
@@ -25,8 +27,8 @@ class Plane(Flat):
     axis_fields = ("normal",)
 
     type: Literal["plane"] = "plane"
-    point: Point = (0.0, 0.0, 0.0)
-    normal: Direction = (0.0, 1.0, 0.0)
+    point: Point = field(default=(0.0, 0.0, 0.0), kw_only=False)
+    normal: Direction = field(default=(0.0, 1.0, 0.0), kw_only=False)
 
     def frame(self) -> Frame:
         n = dr.normalize(self.normal)

@@ -20,8 +20,10 @@ from visray.primitives.clips import Ball, Block, Clip
 from visray.primitives.primitive import Bounds, identity, scalars
 from visray.primitives.sphere import sphere_uv
 from visray.quantities import Arrays, Name, Real
+from visray.records import record_kind
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Polynomial(Algebraic):
     """A polynomial surface: all points with f(x, y, z) = 0 inside the clip, a ball or a box.
@@ -46,7 +48,7 @@ class Polynomial(Algebraic):
     varied = frozenset()
 
     type: Literal["polynomial"] = "polynomial"
-    expression: Annotated[str, Field(strict=True)] | None = None
+    expression: Annotated[str, Field(strict=True)] | None = field(default=None, kw_only=False)
     monomis: tuple[Annotated[str, Field(strict=True)], ...] | None = None
     surface: Annotated[str, Field(strict=True)] | None = None
     parameters: dict[Name, Real] = field(default_factory=dict)

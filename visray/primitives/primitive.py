@@ -41,8 +41,9 @@ from pydantic import ConfigDict
 
 from visray.geometry import Frame, Similarity
 from visray.operands import OptionalOperands
-from visray.quantities import Arrays, Name, quantities, stacked
+from visray.quantities import Arrays, quantities, stacked
 from visray.ray import Crossing, KnownEnds, Ray
+from visray.references import MaterialName
 from visray.transforms import Transform, compose
 
 
@@ -116,12 +117,13 @@ class Primitive:
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
 
-    material: Name = "default"
+    material: MaterialName = "default"
     transform: tuple[Transform, ...] = ()
     cut: OptionalOperands = None
-    cut_material: Name | None = None
+    cut_material: MaterialName | None = None
 
     # Facts about the kind. They have no type annotation, because an annotation would make them fields of the scene.
+    section = "geometries"  # the section that has shapes which others refer to (records.Reference)
     closed = False  # whether the surface encloses a solid
     bounded = True  # whether the object has a bounding box
     smooth = False  # whether the surface has no creases

@@ -1,6 +1,6 @@
 """The rectangle, and any other parallelogram."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -10,9 +10,11 @@ from visray.geometry import Frame, clearly_not_parallel
 from visray.primitives.flat import Flat
 from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
 from visray.quantities import Point, Vector
+from visray.records import record_kind
 from visray.transforms import compose
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Rectangle(Flat):
     """A parallelogram: all points center + a width + b height, for a and b from -1/2 to 1/2.
@@ -22,9 +24,9 @@ class Rectangle(Flat):
     """
 
     type: Literal["rectangle"] = "rectangle"
-    center: Point = (0.0, 0.0, 0.0)
-    width: Vector = (1.0, 0.0, 0.0)
-    height: Vector = (0.0, 1.0, 0.0)
+    center: Point = field(default=(0.0, 0.0, 0.0), kw_only=False)
+    width: Vector = field(default=(1.0, 0.0, 0.0), kw_only=False)
+    height: Vector = field(default=(0.0, 1.0, 0.0), kw_only=False)
 
     def flaws(self) -> list[tuple[str, str]]:
         if clearly_not_parallel(self.width, self.height):

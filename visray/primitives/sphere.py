@@ -1,6 +1,6 @@
 """The sphere."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -9,6 +9,7 @@ from visray.geometry import Frame, Similarity
 from visray.primitives.convex import ConvexSolid, Interval
 from visray.primitives.primitive import MitsubaShapes, half_extents, identity, scalars, to_world_matrix
 from visray.quantities import Length, Point
+from visray.records import record_kind
 from visray.transforms import compose
 
 
@@ -67,6 +68,7 @@ class UnitSphere(ConvexSolid):
         return MitsubaShapes([{"type": "sphere", "to_world": matrix}], uv=lambda uv: (uv[0], 1 - uv[1]))
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Sphere(UnitSphere):
     """A sphere of `radius` about `center`.
@@ -77,8 +79,8 @@ class Sphere(UnitSphere):
     fills_ball = True
 
     type: Literal["sphere"] = "sphere"
-    center: Point = (0.0, 0.0, 0.0)
-    radius: Length = 1.0
+    center: Point = field(default=(0.0, 0.0, 0.0), kw_only=False)
+    radius: Length = field(default=1.0, kw_only=False)
 
     def frame(self) -> Similarity:
         return Similarity(self.radius, self.center)

@@ -1,6 +1,6 @@
 """The torus: a polynomial surface of degree 4 with fields of its own."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -14,6 +14,7 @@ from visray.primitives.polynomial_solid import PolynomialSolid
 from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
 from visray.primitives.revolved import angle_u
 from visray.quantities import Direction, Length, Point
+from visray.records import record_kind
 from visray.transforms import compose
 
 # The usual form (x^2 + y^2 + z^2 + R^2 - r^2)^2 - 4 R^2 (x^2 + y^2) is the same polynomial. But it subtracts numbers of
@@ -24,6 +25,7 @@ EQUATION = "(x^2 + y^2 + z^2 - R^2 - r^2)^2 - 4*R^2*(r^2 - z^2)"
 CLIP_MARGIN = 1 + 2.0**-7
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Torus(PolynomialSolid):
     """A solid torus about `axis`: all points with a distance up to `minor` from a circle of radius `major`.
@@ -39,10 +41,10 @@ class Torus(PolynomialSolid):
     axis_fields = ("axis",)
 
     type: Literal["torus"] = "torus"
-    center: Point = (0.0, 0.0, 0.0)
-    axis: Direction = (0.0, 1.0, 0.0)
-    major: Length = 1.0
-    minor: Length = 0.4
+    center: Point = field(default=(0.0, 0.0, 0.0), kw_only=False)
+    axis: Direction = field(default=(0.0, 1.0, 0.0), kw_only=False)
+    major: Length = field(default=1.0, kw_only=False)
+    minor: Length = field(default=0.4, kw_only=False)
 
     def flaws(self) -> list[tuple[str, str]]:
         return [] if self.minor < self.major else [("minor", "must be less than major")]

@@ -1,6 +1,6 @@
 """The triangle."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import drjit as dr
@@ -11,6 +11,7 @@ from visray.primitives.flat import Flat
 from visray.primitives.primitive import Bounds, MitsubaShapes, scalars, transform_frame
 from visray.pytree import leaves
 from visray.quantities import Point
+from visray.records import record_kind
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,7 @@ def crossing_distance(
     return dr.select(t < high, dr.select(t > low, t, low), high)
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Triangle(Flat):
     """The triangle with corners a, b, c. Its normal is (b - a) x (c - a).
@@ -122,9 +124,9 @@ class Triangle(Flat):
     triangular = True
 
     type: Literal["triangle"] = "triangle"
-    a: Point
-    b: Point
-    c: Point
+    a: Point = field(kw_only=False)
+    b: Point = field(kw_only=False)
+    c: Point = field(kw_only=False)
 
     def flaws(self) -> list[tuple[str, str]]:
         if clearly_not_parallel(*(tuple(q - p for p, q in zip(self.a, v)) for v in (self.b, self.c))):

@@ -17,8 +17,12 @@ from visray.data.layer import ROW_NUMBER
 from visray.hints import hint
 from visray.primitives.csg import Csg
 from visray.primitives.instance import Instance
+from visray.records import Words
 from visray.scene.annotations import bare, child, describe, is_union, member, members_of, tag_of
 from visray.scene.scene import Scene
+from visray.scene.source import wrong_texts
+from visray.scene.validated import plain
+from visray.terminal import printable
 from visray.transforms import STEPS
 
 NAME_RULE = "a name is not empty, has no dot, and has no space at either end"
@@ -49,15 +53,16 @@ def limited(texts: Iterable[str]) -> list[str]:
     return first if len(first) <= MOST else [*first[:MOST], f"there are more than {MOST} errors; correct these first"]
 
 
-def lines(error: ValidationError, raw: Any) -> list[str]:
+def lines(error: ValidationError, raw: Any, root: type = Scene) -> list[str]:
     """List of messages, one for each error that pydantic reports.
 
     raw: the scene, as dicts and lists.
+    root: the class of `raw`, if it is another record than a scene.
 
     If a value fits no member of a union, pydantic reports an error for each member. Here this becomes one message about
     the union. If a member fits by its type, only the errors inside this member are reported.
     """
-    located = [(_locate(e["loc"]), e) for e in error.errors(include_url=False)]
+    located = [(_locate(e["loc"], root), e) for e in error.errors(include_url=False)]
     misfits = {b for place, e in located for b in place.branches[-1:] if _is_type_error(e) and place.at(b)}
     fitting = {b.address for place, _ in located for b in place.branches if b not in misfits}
     texts = []
@@ -67,6 +72,18 @@ def lines(error: ValidationError, raw: Any) -> list[str]:
             continue
         texts.append(_type_message(misfit.address, misfit.union, raw) if misfit else _message(place, e, raw))
     return list(dict.fromkeys(texts))
+
+
+def record_lines(kind: type, error: ValidationError, given: dict[str, Any]) -> list[str]:
+    """List of messages about a record that Python makes: `Sphere: radius = -1: must be greater than 0`.
+
+    given: the values by name.
+    """
+    given = plain(given)
+    return [printable(f"{kind.__name__}: {text}") for text in wrong_texts(given) or limited(lines(error, given, kind))]
+
+
+Words.lines = record_lines
 
 
 def _is_type_error(e: dict) -> bool:
@@ -108,12 +125,13 @@ class _Place:
         return self.address == branch.address
 
 
-def _locate(loc: tuple) -> _Place:
+def _locate(loc: tuple, root: type = Scene) -> _Place:
     """Place of an error.
 
     loc: pydantic's location of the error: a tuple of keys, with the names of union members among them.
+    root: the class of what was checked.
     """
-    address, branches, annotation, parent = (), (), Scene, None
+    address, branches, annotation, parent = (), (), root, None
     for part in loc:
         if part == "[key]":
             break  # the error is in the key itself, which is a name

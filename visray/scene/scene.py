@@ -23,37 +23,43 @@ from visray.primitives.csg_resolved import resolved
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
 from visray.quantities import Color, Count, Length, Name
+from visray.records import record_kind
+from visray.scene.building import Buildable
+from visray.scene.naming import with_named_entries
 
 # Name of the material of objects that name none.
 DEFAULT_MATERIAL = "default"
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Film:
     """Size of the picture in pixels. If the film is `transparent`, the background is left out, and layer A contains the
     coverage (alpha) of each pixel: the share of it that shows objects."""
 
     __pydantic_config__ = STRICT
-    width: Count = 640
-    height: Count = 480
+    width: Count = field(default=640, kw_only=False)
+    height: Count = field(default=480, kw_only=False)
     transparent: Annotated[bool, Field(strict=True)] = False
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class SkyGradient:
     """Background colour of rays that hit nothing. A ray straight down gets `bottom`, a ray straight up gets `top`. In
     between, the colour is a linear function of the y of the ray's unit direction."""
 
     __pydantic_config__ = STRICT
-    top: Color
-    bottom: Color
+    top: Color = field(kw_only=False)
+    bottom: Color = field(kw_only=False)
 
 
 Rays = Annotated[int, Field(strict=True, ge=0, le=2**16)]
 Depth = Annotated[int, Field(strict=True, ge=0, le=1000)]
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Occlusion:
     """Ambient occlusion: how much ambient light reaches a point. Rays over the hemisphere above the point measure it.
@@ -75,6 +81,7 @@ class Occlusion:
     hemisphere: Literal["cosine", "box"] = "cosine"
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Scatter:
     """Diffuse interreflection: light that matte surfaces send on to other surfaces.
@@ -88,6 +95,7 @@ class Scatter:
     depth: Depth = 1
 
 
+@record_kind
 @dataclass(frozen=True, kw_only=True)
 class Settings:
     """How the picture is made.
@@ -139,8 +147,9 @@ Light = Annotated[Union[lights.KINDS], Field(discriminator="type")]
 Texture = Annotated[Union[textures.KINDS], Field(discriminator="type")]
 
 
+@with_named_entries
 @dataclass(frozen=True, kw_only=True)
-class Scene:
+class Scene(Buildable):
     """A scene: everything that determines a picture. Textures, materials, lights, geometries and objects are dicts by
     name, in the order of the file. A geometry is a shape without a material; the objects that are its instances show
     it. If `camera` or `lights` is None, it is fitted to the scene when the scene is checked (fitted_scene.py)."""

@@ -76,6 +76,15 @@ def record_kind(kind: type) -> type:
     return kind
 
 
+def altered(record: Any, changes: dict[str, Any]) -> Any:
+    """A copy of a record with other values in some fields, which are not checked."""
+    made = object.__new__(type(record))
+    made.__dict__.update({name: getattr(record, name) for name in record.__dataclass_fields__} | changes)
+    if hasattr(made, "__post_init__"):
+        made.__post_init__()
+    return made
+
+
 @dataclass(frozen=True)
 class _Facts:
     """What is known of a kind.

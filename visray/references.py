@@ -56,12 +56,16 @@ def operands_of(record: Any) -> Iterator[tuple[str, str, Any]]:
 
 
 def has_entries(record: Any) -> bool:
-    """Whether a record, or one of its operands, has an entry in place of a name."""
-    kind = type(record)
-    for name in references(kind):
-        if not isinstance(getattr(record, name), (str, type(None))):
+    """Whether a record, or one of its operands at any depth, has an entry in place of a name."""
+    left, seen = [record], set()
+    while left:
+        one = left.pop()
+        if any(not isinstance(getattr(one, name), (str, type(None))) for name in references(type(one))):
             return True
-    return any(has_entries(x) for _, _, x in operands_of(record))
+        if roles_of(type(one)) and id(one) not in seen:
+            seen.add(id(one))  # a list may contain itself
+            left += [x for _, _, x in operands_of(one)]
+    return False
 
 
 def is_entry(value: Any, section: str | None) -> bool:

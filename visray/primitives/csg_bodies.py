@@ -5,7 +5,7 @@ faster as rows in lists or in a tree. All bodies of a union have the number and 
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from visray.primitives.csg import Csg
 from visray.primitives.csg_operands import NO_MATERIAL, Operand, bodies
@@ -62,9 +62,9 @@ def _as_object(operand: Operand) -> Primitive:
     """An operand as an object. An instance stays one, so that all instances of a mesh share it; a plane, which is a
     half-space as an operand, becomes CSG of this operand alone."""
     if operand.role == "geometry" and not isinstance(operand.shape, Plane):
-        return replace(operand.around.shape, material=operand.material, transform=operand.around.steps)
-    shape = replace(operand.shape, material=operand.material, transform=operand.steps)
+        return operand.around.shape.with_fields(material=operand.material, transform=operand.around.steps)
+    shape = operand.shape.with_fields(material=operand.material, transform=operand.steps)
     if not isinstance(shape, Plane):
         return shape
-    plane = replace(shape, material=NO_MATERIAL, transform=())
+    plane = shape.with_fields(material=NO_MATERIAL, transform=())
     return Csg(op="merge", of=(plane,), material=operand.material, transform=operand.steps)

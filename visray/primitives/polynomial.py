@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal
 
@@ -105,7 +105,7 @@ class Polynomial(Algebraic):
         return varied
 
     def with_fields(self, **changes: Any) -> "Polynomial":
-        changed = replace(self, **changes)
+        changed = super().with_fields(**changes)
         object.__setattr__(changed, "varied", self.varied)
         return changed
 

@@ -32,7 +32,7 @@ it for a kind that is defined by a polynomial, such as the torus.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -43,6 +43,7 @@ from visray.geometry import Frame, Similarity
 from visray.operands import OptionalOperands
 from visray.quantities import Arrays, quantities, stacked
 from visray.ray import Crossing, KnownEnds, Ray
+from visray.records import altered
 from visray.references import MaterialName
 from visray.transforms import Transform, compose
 
@@ -173,8 +174,8 @@ class Primitive:
 
     def with_fields(self, **changes: Any) -> "Primitive":
         """A copy of the object with other values in some fields. Unlike dataclasses.replace, it keeps what else an
-        object may know, such as Polynomial.varied."""
-        return replace(self, **changes)
+        object may know, such as Polynomial.varied, and does not check the values."""
+        return altered(self, changes)
 
     def flaws(self) -> list[tuple[str, str]]:
         """A list of errors (field, message) that concern several fields together; empty if there is no error."""
@@ -331,7 +332,7 @@ def scalars(record: Any) -> Any:
     So methods that are written for kernels, such as `frame`, also run on plain numbers outside of kernels.
     """
     triples = [name for name, q in quantities(type(record)).items() if q.size == 3]
-    return replace(record, **{k: dr.scalar.Array3f64(*getattr(record, k)) for k in triples}) if triples else record
+    return altered(record, {k: dr.scalar.Array3f64(*getattr(record, k)) for k in triples}) if triples else record
 
 
 def transform_frame(primitive: Primitive) -> Frame | None:

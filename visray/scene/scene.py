@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
 from typing import Annotated, Any, Literal, Union
@@ -211,7 +211,7 @@ class Scene(Buildable):
                 yield f"{section}.{name}", shape
                 if has_operands(shape):
                     inner = islice(operands(f"{section}.{name}", shape, {}), 1, None)
-                    yield from ((x.address, replace(x.shape, transform=x.steps)) for x in inner)
+                    yield from ((x.address, x.shape.with_fields(transform=x.steps)) for x in inner)
 
     @property
     def written_objects(self) -> Mapping[str, Object]:

@@ -107,7 +107,7 @@ def prepared(body: str, n: int, picture: str) -> Prepared:
     if body == "spheres":
         packed = replace(packed, batches=(packed.batches[0], many_spheres(a, n, packed.batches[1])))
     kernel = kernel_scene(packed, simple, effects, a, None)
-    return Prepared(simple, a, effects, packed, kernel, *lanes(a, SIZE, SIZE), ())
+    return Prepared(simple, a, effects, packed, kernel, *lanes(a, simple.film), ())
 
 
 def register_integrators() -> None:

@@ -34,7 +34,7 @@ polynomials.everyday_characters polynomials.everyday_latex polynomials.everyday_
 polynomials.everyday_clearing polynomials.everyday
 polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
-textures materials modes
+textures materials modes filter_places filters
 lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
 lights camera fitting
 number_table
@@ -65,7 +65,7 @@ data.shown_date data.data_scene data.all_objects
 animation.track animation.interpolation animation.rotations animation.curves animation.between
 animation.key_values animation.paths animation.keys animation.orbit animation.spin animation.path animation.ellipse
 animation.kinds animation.animation animation.frames animation
-scene.naming scene.building scene.scene
+scene.film scene.naming scene.building scene.scene
 data.row_balls things blocking surroundings fitted_scene
 scene
 animation.moment

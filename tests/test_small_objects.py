@@ -171,7 +171,7 @@ def test_footprints_contain_what_is_seen_and_know_its_area(name: str, camera: An
     for steps in ((), turned):
         seen, made = shown(replace(SAMPLES[name].posed, transform=steps), camera, size)
         (batch,) = made.kernel.batches
-        to_film, boxes = FilmMap(made.kernel, size, size), blocks(batch)
+        to_film, boxes = FilmMap(made.kernel, made.scene.film), blocks(batch)
         assert to_film.in_front(boxes).all() and seen.sum() > 30
         y, x = np.nonzero(seen)
         for k in (1, 7):
@@ -194,7 +194,7 @@ def test_footprints_of_polynomials_have_the_size_of_their_clip(radius: float, st
     camera, size = OrthographicCamera(origin=(2 * radius, 3 * radius, 9 * radius), height=4 * radius), 96
     seen, made = shown(replace(ball, transform=steps), camera, size)
     (batch,) = made.kernel.batches
-    assert 0.1 * seen.sum() < FilmMap(made.kernel, size, size).areas(blocks(batch)).sum() < 1.7 * seen.sum()
+    assert 0.1 * seen.sum() < FilmMap(made.kernel, made.scene.film).areas(blocks(batch)).sum() < 1.7 * seen.sum()
 
 
 @pytest.mark.parametrize("focus", [3.0, 6.0, 12.0])
@@ -204,7 +204,7 @@ def test_footprints_grow_by_the_blur_of_a_lens(focus: float) -> None:
                   film=Film(width=48, height=48, transparent=True))  # fmt: skip
     scene = replace(scene, objects={"spark": scene.objects["spark"]})
     made = prepare(scene)
-    ((left, top, right, bottom),) = FilmMap(made.kernel, 48, 48).rectangles(blocks(made.kernel.batches[0]))
+    ((left, top, right, bottom),) = FilmMap(made.kernel, made.scene.film).rectangles(blocks(made.kernel.batches[0]))
     y, x = np.nonzero(render(scene, spp=256, layers=("RGB", "A"), progress=False)["A"])
     assert left - 1 <= x.min() and x.max() <= right and top - 1 <= y.min() and y.max() <= bottom
     assert (right - left) <= x.max() - x.min() + 4

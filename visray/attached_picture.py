@@ -62,9 +62,9 @@ class Sweeps:
 
     def _levels(self, chunk: Chunk, wave: Any, camera: Callable) -> Iterator:
         """The iterator of `_arrivals`."""
-        n, end = len(chunk.pixel), self.done + self.waves.last_level + 1
+        end = self.done + self.waves.last_level + 1
         rays, tangents, hit = self._launch(camera, (), ())
-        weight = dr.full(self.a.V, 1, n)
+        weight = self.waves.weight(wave)
         carried, tangents = (*rays, weight), (*tangents, 0 * weight) if tangents else ()
         dr.make_opaque(carried, tangents)
         count, level, before = chunk.count, 0, np.arange(chunk.count)

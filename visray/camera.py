@@ -134,10 +134,14 @@ class Camera(Viewpoint):
     aperture: LengthOrZero = 0.0
     focus: LengthOrZero = 0.0
 
-    def view(self, width: int, height: int, a: Arrays) -> View:
-        """The camera prepared for a picture of width x height pixels. The camera's fields hold Dr.Jit arrays here."""
+    def view(self, size: tuple[int, int], reach: float, a: Arrays) -> View:
+        """The camera prepared for a picture. The camera's fields hold Dr.Jit arrays here.
+
+        size: width and height of the picture in pixels
+        reach: how far rays start or aim beyond the edges of the picture, in pixels
+        """
         right, up, forward, to_target = self.axes()
-        columns, rows = (dr.opaque(a.D, float(x)) for x in (width, height))
+        columns, rows = (dr.opaque(a.D, float(x)) for x in size)
         pixel = 2 * dr.tan(self.fov * (0.5 * dr.pi / 180)) / rows
         corner = forward - (0.5 * pixel * columns) * right + (0.5 * pixel * rows) * up
         # The distance of the target is computed twice, because in forward mode Dr.Jit refuses to follow a number that a
@@ -165,19 +169,22 @@ class OrthographicCamera(Viewpoint):
     type: Literal["orthographic"] = "orthographic"
     height: Length = 4.0
 
-    def view(self, width: int, height: int, a: Arrays) -> ParallelView:
-        """The camera prepared for a picture of width x height pixels. The camera's fields hold Dr.Jit arrays here.
+    def view(self, size: tuple[int, int], reach: float, a: Arrays) -> ParallelView:
+        """The camera prepared for a picture. The camera's fields hold Dr.Jit arrays here.
 
+        size, reach: as in Camera.view
         Error: the distance of a surface in the camera's plane has the roundings of a surface's distance from a point
             (culling.point_rounding) for points of the sheet. Numbers of the surface are assumed to be at most as large
             as those of the sheet and the target's distance.
         """
         right, up, forward, to_target = self.axes()
-        columns, rows = (dr.opaque(a.D, float(x)) for x in (width, height))
+        columns, rows = (dr.opaque(a.D, float(x)) for x in size)
         pixel, half_height = self.height / rows, 0.5 * self.height
         half_width = half_height * columns / rows
         corner = half_height * up - half_width * right
-        size = l1_norm(self.origin) + l1_norm(corner) + dr.detach(dr.norm(to_target))
+        extent = l1_norm(self.origin) + l1_norm(corner) + dr.detach(dr.norm(to_target))
+        if reach:
+            extent += reach * (l1_norm(pixel * right) + l1_norm(pixel * up))
         return ParallelView(
             o=self.origin,
             pixel_right=pixel * right,
@@ -188,7 +195,7 @@ class OrthographicCamera(Viewpoint):
             forward=forward,
             half_width=half_width,
             half_height=half_height,
-            clearance=dr.detach(gamma(32) * size),
+            clearance=dr.detach(gamma(32) * extent),
             target_distance=a.F(dr.norm(to_target)),
         )
 

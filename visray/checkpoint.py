@@ -20,7 +20,7 @@ from visray.errors import CheckpointWarning, UserError
 from visray.film import Film
 from visray.output.files import check_writable
 from visray.output.lock import locked
-from visray.picture_identity import ANOTHER_SCENE, PictureIdentity
+from visray.picture_identity import ANOTHER_SCENE, PictureIdentity, raster_of
 from visray.quantities import Arrays
 
 # Seconds between two writings, and the largest share of the time that they may take: a large film takes seconds.
@@ -98,7 +98,7 @@ class Checkpoint:
                 raise UserError(
                     f"{self.path}: {difference}; ask for what it was begun with, or delete it to begin anew"
                 )
-            width, height = facts["size"]
+            width, height = raster_of(facts)
             counts = [arrays[name].sum(dtype=float) for name in arrays if name.split(".")[-1] == "counts"]
             self.found = float(sum(counts) / (width * height))
             yield arrays

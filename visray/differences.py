@@ -1,7 +1,7 @@
 """Derivatives of a picture by finite differences: the slow reference for derivatives (gradients.py)."""
 
 import warnings
-from math import inf
+from math import inf, prod
 
 import numpy as np
 
@@ -62,14 +62,14 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
                 continue
         else:
             raise error from None
-    total, bright = np.zeros((scene.film.height * scene.film.width, 3)), 0.0
+    total, bright = np.zeros((prod(scene.film.raster), 3)), 0.0
     for weight, moved in terms:
         prepared = prepare(moved)
         picture = np.array(expose(prepared)[0].mean, float).T
         total[prepared.order] += weight * picture
         bright = max(bright, float(np.abs(picture).mean()))
     _warn_of_jumps(address, step, np.abs(total).max(axis=1), step_size, bright)
-    return (total / step_size).reshape(scene.film.height, scene.film.width, 3)
+    return (total / step_size).reshape(*scene.film.raster[::-1], 3)
 
 
 def _warn_of_jumps(address: str, step: float, change: np.ndarray, step_size: float, bright: float) -> None:

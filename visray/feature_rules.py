@@ -13,6 +13,7 @@ import numpy as np
 from visray import modes
 from visray.data.all_objects import address_of
 from visray.data.rows import ROW_MATERIAL
+from visray.filters import SQUARE
 from visray.materials import COLORED, Material
 from visray.primitives.csg_operands import bodies
 from visray.primitives.flat import Flat
@@ -252,6 +253,8 @@ RULES = (
     Rule("defocus", lambda s: ["camera.aperture"] if s.camera.aperture else [], "camera.aperture is 0",
          ("aperture", "focus")),
     Rule("background", _background, "the background is black", ("background",)),
+    Rule("filter", lambda s: [] if s.film.filter == SQUARE else ["film.filter"],
+         "film.filter is a box of radius 0.5: a pixel is the light on its square", ()),
     Rule("coverage", lambda s: ["film.transparent"] if s.film.transparent else [], "film.transparent is false: A is 1",
          ()),
 )  # fmt: skip

@@ -135,7 +135,7 @@ def _ruled_out(name: str, scene: Scene, wrt: Wrt) -> str | None:
     if name == "defocus" and isinstance(scene.camera, OrthographicCamera):
         return "an orthographic camera has no lens"
     unlit = not modes.BY_NAME[settings.shading].lit
-    if unlit and name not in ("two-sided", "textures", "bilinear", "defocus", "background", "coverage"):
+    if unlit and name not in ("two-sided", "textures", "bilinear", "defocus", "background", "filter", "coverage"):
         return f"settings.shading is {settings.shading}"
     if name in ("textures", "bilinear") and not scene.textures:
         return "the scene has no textures"

@@ -17,7 +17,7 @@ from visray import memory
 from visray.array_file import opened_arrays, write_arrays
 from visray.errors import UserError
 from visray.moments import Moments
-from visray.picture_identity import PictureIdentity
+from visray.picture_identity import PictureIdentity, raster_of
 from visray.quantities import Arrays
 
 # Bytes of memory per pixel at the peak, with all layers: 411 measured, for 2000 x 2000 pixels rendered and written as
@@ -100,7 +100,7 @@ class Film:
         kinds = dict(zip(Moments.__dataclass_fields__, Moments.types(a)))
         counts, pixels = arrays["counts"], arrays["pixels"]
         moments = {key: arrays[f"moments.{key}"] for key in kinds}
-        n, (width, height) = len(pixels), map(int, identity.facts["size"])
+        n, (width, height) = len(pixels), raster_of(identity.facts)
         shapes = {key: (n,) if kind in (a.D, a.F) else (3, n) for key, kind in kinds.items()}
         consistent = n and counts.shape == (n,) and {key: x.shape for key, x in moments.items()} == shapes
         consistent = consistent and all(x.dtype.kind in "iu" for x in (counts, pixels))
@@ -135,7 +135,7 @@ class Film:
         if not films or any(f.identity is None for f in films):
             raise UserError("films: there is none, or one that is of no picture; give the films of a picture's tiles")
         first = films[0]
-        width, height = first.identity.facts["size"]
+        width, height = raster_of(first.identity.facts)
         for i, other in enumerate(films[1:], 1):
             first.identity.check(other.identity, f"films[{i}]")
         pixels, counts = (np.concatenate([getattr(f, name) for f in films]) for name in ("pixels", "counts"))

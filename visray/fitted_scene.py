@@ -79,7 +79,7 @@ def _pronoun(missing: list[str]) -> str:
 
 def _camera(scene: Scene, stage: Stage) -> Camera:
     """The fitted camera; the default one if nothing is bounded."""
-    shown, aspect = stage.balls, scene.film.width / scene.film.height
+    shown, aspect = stage.balls, scene.film.size[0] / scene.film.size[1]
     if shown is None:
         return Camera()
     directions = [_axes(azimuth, elevation) for elevation in ELEVATIONS for azimuth in AZIMUTHS]

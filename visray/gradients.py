@@ -177,7 +177,7 @@ def derivative(
         _, tangent = d.traced(interrupts, bar).picture()
     picture = np.empty_like(tangent.T)
     picture[d.prepared.order] = tangent.T
-    return picture.reshape(scene.film.height, scene.film.width, 3)
+    return picture.reshape(*scene.film.raster[::-1], 3)
 
 
 def _mean(picture: Any) -> Any:

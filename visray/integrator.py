@@ -27,10 +27,12 @@ LENS = 1
 
 @dataclass(frozen=True)
 class Window:
-    """A rectangle in each lane's pixel. The pixel is the unit square.
+    """A part of each lane's pixel, a rectangle of the unit square.
 
     left, top: corner of the rectangle
     width, height: its sides
+
+    With a filter, the unit square is that of the random numbers that the places of samples are computed from.
     """
 
     left: Any
@@ -158,6 +160,8 @@ def _with_sample(
     state, next_stratum = pixels.state(i, stratum), sampling.next_stratum(plan, stratum)
     next_ray = pixels.ray(pixels.state(i + 1, next_stratum))
     colour, covered = radiance(s, pixels.whole_ray(d, o), state)
+    if (weight := pixels.weight(state)) is not None:
+        colour, covered = colour * weight, covered * weight
     block_sums = Moments(None, None, None, *sums).with_sample(index_in_block(i) == 0, colour, covered)
     return i + 1, next_stratum, *next_ray, *block_sums.arrays[3:]
 
@@ -189,6 +193,7 @@ def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> 
     def step(i: Any, stratum: Any, reference: Any, total: Any) -> tuple:
         state = pixels.state(i + plan.first, stratum)
         colour, _ = radiance(s, pixels.whole_ray(*pixels.ray(state)), state)
+        colour = colour if (weight := pixels.weight(state)) is None else colour * weight
         reference = dr.select(i == 0, dr.detach(colour), reference)
         return i + 1, sampling.next_stratum(plan, stratum), reference, total + (colour - reference)
 
@@ -197,6 +202,22 @@ def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> 
         start, lambda i, *_: i < plan.count, step, max_iterations=-1, label="samples"
     )
     return reference + total * (1 / a.F(plan.count))
+
+
+def _numbers(s: KernelScene, state: SampleState, window: Window | None) -> tuple[Any, Any, Any]:
+    """The numbers from 0 to 1 that say where in its pixel a sample lies: two for places, and one that chooses signs
+    (filters.Table), or None. window: as in sample"""
+    u, v = state.pixel()
+    if window is not None:
+        return window.left + window.width * u, window.top + window.height * v, None
+    return u, v, state.turn() if s.filter is not None and s.filter.is_signed else None
+
+
+def weight_of(s: KernelScene, state: SampleState, window: Window | None = None) -> Any:
+    """Weight of a sample by the filter; None if all weights are 1. window: as in sample"""
+    if s.filter is None or not s.filter.is_signed:
+        return None
+    return s.filter.weight(*_numbers(s, state, window))
 
 
 class Pixels:
@@ -212,16 +233,20 @@ class Pixels:
 
     def ray(self, state: SampleState) -> tuple[Any, Any]:
         """Direction and origin of a sample's camera ray. Either is None if all camera rays share it."""
-        offset_x, offset_y = state.pixel()
-        if (part := self.window) is not None:
-            offset_x, offset_y = part.left + part.width * offset_x, part.top + part.height * offset_y
-        x, y = self.left + offset_x, self.top + offset_y
+        u, v, turn = _numbers(self.s, state, self.window)
+        if self.s.filter is not None:
+            u, v = self.s.filter.places(u, v, turn)
+        x, y = self.left + u, self.top + v
         if isinstance(self.s.view, ParallelView):
             return None, sheet_point(self.s, x, y)
         if not self.s.features["defocus"]:
             return camera_direction(self.s, x, y), None
         ray = lens_ray(self.s, x, y, *state.dimension(LENS).point())
         return ray.d if ray.d_single is None else ray.d_single, ray.o
+
+    def weight(self, state: SampleState) -> Any:
+        """Weight of a sample; None if all weights are 1."""
+        return weight_of(self.s, state, self.window)
 
     def whole_ray(self, d: Any, o: Any) -> Ray:
         """The camera ray with the direction and the origin that `ray` returned."""

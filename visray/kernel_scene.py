@@ -19,6 +19,7 @@ from visray.accel.parallel_lists import ParallelLists
 from visray.batches import Batch, place, repainted
 from visray.camera import ParallelView, View
 from visray.features import Features
+from visray.filter_places import Line, Roof, Table
 from visray.images import Atlas
 from visray.materials import Material
 from visray.needed_materials import asked_fields, needed, with_needed
@@ -65,6 +66,7 @@ class KernelScene:
     sample_sets: for "sky", "near" and "scatter", the set of rays from a point that are stratified together
     coverage: coverage (alpha) of a sample that hits nothing: 0 if the film is transparent, else 1
     transparent: whether the film is transparent
+    filter: inverse distribution of the pixels' filter; None if samples lie in the pixel's square
     attached: whether derivatives are asked for
     in_waves: whether paths are traced in waves (wavefront.py); else derivatives are those of a loop over samples
     asked: names of the fields of materials that carry derivatives
@@ -92,6 +94,7 @@ class KernelScene:
     sample_sets: dict[str, SampleSet]
     coverage: Any
     transparent: bool
+    filter: Line | Roof | Table | None
     attached: bool
     in_waves: bool
     asked: frozenset[str]
@@ -145,7 +148,8 @@ def kernel_scene(
     ranks = _ranks(packed, scene, features, a, previous)
     looks = (with_needed(*pair, features, a, rank) for *pair, rank in zip(geometry.batches, packed.batches, ranks))
     geometry = geometry.with_looks(tuple(looks))
-    view = packed.camera.view(scene.film.width, scene.film.height, a)
+    film = scene.film
+    view = packed.camera.view(film.size, reach_of(scene, features), a)
     lights_ambient = ambient_of_lights(packed.lights, a)
     evaluated((view, lights_ambient))
     light_tables = tuple(columns.numbers for columns in packed.lights)
@@ -157,7 +161,7 @@ def kernel_scene(
     families = shared_by(features, [type(light) for light in scene.lights.values()], bool(looped), parallel)
     if any(geometry.plan(shared).tree for shared in families.values()):
         _ = geometry.tree  # It is built now, because no kernel that is being traced can build it.
-    camera_origin, camera_lists = _camera_search(packed.camera, view, geometry, scene)
+    camera_origin, camera_lists = _camera_search(packed.camera, view, geometry, scene, features)
     counts = {"sky": occlusion.sky, "near": occlusion.near, "scatter": max(scatter.rays, 1)}
     return KernelScene(
         a=a,
@@ -179,13 +183,19 @@ def kernel_scene(
         bounce_limits=(dr.opaque(a.U, settings.depth), dr.opaque(a.U, scatter.depth if scatter.rays else 0)),
         atlas=atlas,
         sample_sets={name: SampleSet.of(a, n) for name, n in counts.items()},
-        coverage=dr.opaque(a.F, float(not scene.film.transparent)),
-        transparent=scene.film.transparent,
+        coverage=dr.opaque(a.F, float(not film.transparent)),
+        transparent=film.transparent,
+        filter=film.filter.prepared(a) if features["filter"] else None,
         attached=attached,
         in_waves=in_waves,
         asked=asked_fields(packed.materials, geometry.batches, attached and features["bilinear"]),
         brute_force=brute_force,
     )
+
+
+def reach_of(scene: Scene, features: Features) -> float:
+    """How far camera rays go beyond the edges of the picture, in pixels."""
+    return scene.film.filter.reach if features["filter"] else 0.0
 
 
 def with_view(s: KernelScene, camera: Any, scene: Scene, lists: bool = True) -> KernelScene:
@@ -197,24 +207,24 @@ def with_view(s: KernelScene, camera: Any, scene: Scene, lists: bool = True) -> 
         to build, and rays are faster with them. Without lists, rays search the tree. The bits are the same, unless the
         camera lies on a surface.
     """
-    view = evaluated(camera.view(scene.film.width, scene.film.height, s.a))
+    view = evaluated(camera.view(scene.film.size, reach_of(scene, s.features), s.a))
     has_lists = bool(s.geometry.plan("direction" if isinstance(view, ParallelView) else "origin").lists)
     if lists or not has_lists:
         # The lists of the camera before are not kept.
         geometry = s.geometry.with_looks(s.geometry.batches) if has_lists else s.geometry
-        origin, camera_lists = _camera_search(camera, view, geometry, scene)
+        origin, camera_lists = _camera_search(camera, view, geometry, scene, s.features)
         return replace(s, geometry=geometry, view=view, origin=origin, camera_lists=camera_lists)
     _ = s.geometry.tree  # It is built now, because no kernel that is being traced can build it.
     return replace(s, view=view, origin=None, camera_lists=None)
 
 
 def _camera_search(
-    camera: Any, view: View | ParallelView, geometry: Geometry, scene: Scene
+    camera: Any, view: View | ParallelView, geometry: Geometry, scene: Scene, features: Features
 ) -> tuple[RayOrigin | None, ParallelLists | None]:
     """The fields `origin` and `camera_lists` of a KernelScene. camera: the camera's numbers, as arrays."""
     if isinstance(view, ParallelView):
         return None, parallel_lists_of(geometry, np.array(view.forward, float)[:, 0], against=False)
-    sheet = camera_sheet(camera, scene.film.width, scene.film.height)
+    sheet = camera_sheet(camera, scene.film.size, reach_of(scene, features))
     return RayOrigin(geometry, view.o, views=(sheet,)), None
 
 

@@ -96,7 +96,7 @@ def _picture(a: Arrays, scene: Scene) -> Frame:
     """The map from the world to (x w, y w, depth), for the position (x, y) in pixels. w is the depth for a perspective
     camera, and 1 for an orthographic one."""
     matrix = np.array(camera_matrices(scene)["worldToNDC"])[:, :3].T
-    return Frame.table(a, (matrix * np.array([[scene.film.width], [scene.film.height], [1]]))[None])
+    return Frame.table(a, (matrix * np.array([[scene.film.size[0]], [scene.film.size[1]], [1]]))[None])
 
 
 def _place(picture: Frame, p: Any, surface: Any, parallel: bool) -> tuple[Any, Any, Any]:

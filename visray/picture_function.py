@@ -55,7 +55,7 @@ class PictureFunction:
     @property
     def shape(self) -> tuple[int, int, int]:
         """Shape of the picture: (H, W, 3)."""
-        return self.scene.film.height, self.scene.film.width, 3
+        return *self.scene.film.raster[::-1], 3
 
     def __call__(self, *values: Any, seed: int | None = None) -> Any:
         """The picture with other numbers, in linear light. Shapes: (H, W, 3).

@@ -1,5 +1,6 @@
 """The identity of a picture: all that the bits of its samples depend on, except the machine."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -18,7 +19,7 @@ class PictureIdentity:
 
     The number of samples is included for the stratified sampler only, because it decides the strata.
 
-    facts: version, backend, precision, size, seed, sampler, spp, and the hash of the scene without these
+    facts: version, backend, precision, size, region, seed, sampler, spp, and the hash of the scene without these
     """
 
     def __init__(
@@ -39,12 +40,13 @@ class PictureIdentity:
         scene, s = self._scene, self._scene.settings
         # The accelerator is left out, because it changes no bit.
         settings = replace(s, seed=0, spp=1, accelerator="auto")
-        hashed = replace(scene, settings=settings, film=replace(scene.film, width=1, height=1))
+        hashed = replace(scene, settings=settings, film=scene.film.resized((1, 1)))
         return {
             "visray": __version__,
             "backend": self._a.backend,
             "precision": s.precision,
-            "size": [scene.film.width, scene.film.height],
+            "size": [*scene.film.size],
+            "region": scene.film.region and [*scene.film.region],
             "seed": s.seed,
             "sampler": s.sampler,
             "spp": s.spp if s.sampler == "stratified" else None,
@@ -74,10 +76,19 @@ class PictureIdentity:
             return None
         for fact, value in self.facts.items():
             if (theirs := other.facts.get(fact)) != value:
-                return ANOTHER_SCENE if fact == "scene" else f"is of {fact} {_shown(theirs)}, not {_shown(value)}"
+                return ANOTHER_SCENE if fact == "scene" else f"is of {_shown(fact, theirs)}, not {_shown(fact, value)}"
         return None
 
 
-def _shown(value: Any) -> str:
-    """The value of a fact as text for messages; a size as `width x height`."""
-    return " x ".join(map(str, value)) if isinstance(value, list) else str(value)
+def raster_of(facts: Mapping[str, Any]) -> tuple[int, int]:
+    """Width and height in pixels of what is rendered, by the facts of a picture's identity."""
+    width, height = map(int, facts["size"])
+    left, top, right, bottom = map(int, facts["region"] or (0, 0, width, height))
+    return right - left, bottom - top
+
+
+def _shown(fact: str, value: Any) -> str:
+    """A fact as text for messages; a size as `width x height`."""
+    if fact == "region" and not value:
+        return "no region"
+    return f"{fact} {' x '.join(map(str, value)) if fact == 'size' and isinstance(value, list) else value}"

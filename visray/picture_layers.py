@@ -33,7 +33,7 @@ def check_numbers(prepared: Prepared, mean: np.ndarray) -> None:
         return
     names = {i + 1: name for i, name in enumerate(prepared.scene.all_objects)}
     number = np.broadcast_to(np.array(_first_hit(prepared)["id"]), len(prepared.order))[bad[0]]
-    y, x = divmod(int(prepared.order[bad[0]]), prepared.scene.film.width)
+    x, y = (int(np.array(v)[bad[0]]) for v in (prepared.x, prepared.y))
     what = address_of(names[int(number)]) if number else "nothing"
     more = f", and {bad.size - 1} pixels more" if bad.size > 1 else ""
     raise UserError(f"pixel {x}, {y}, which shows {what}{more}: is not a number; this is an error in visray: report it")
@@ -117,7 +117,7 @@ def _raster(prepared: Prepared, name: str, values: Any) -> np.ndarray:
 
     Shapes: values (N,) or (n, N); result (H, W) or (H, W, n).
     """
-    width, height = prepared.scene.film.width, prepared.scene.film.height
+    width, height = prepared.scene.film.raster
     if isinstance(values, tuple):
         values = np.stack([np.array(v) for v in values])
     flat = np.array(values)

@@ -51,7 +51,7 @@ def camera_matrices(scene: Scene) -> dict[str, list[list[float]]]:
     to_middle = [0.5, 0.5, 0, 1]
     to_ndc = np.array(
         [
-            [0.5 * f.height / f.width / half, 0, 0, 0],
+            [0.5 * f.size[1] / f.size[0] / half, 0, 0, 0],
             [0, -0.5 / half, 0, 0],
             *([[0, 0, 1, 0], to_middle] if parallel else [[0.5, 0.5, 1, 1], [0, 0, 0, 0]]),
         ]
@@ -76,9 +76,9 @@ def projected(scene: Scene, points: Any) -> Projected:
     across, down, _, weight = (with_one @ matrices["worldToNDC"]).T
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y = (
-            np.where(depth > 0, size * v / weight, np.nan) for v, size in ((across, film.width), (down, film.height))
+            np.where(depth > 0, size * v / weight, np.nan) for v, size in ((across, film.size[0]), (down, film.size[1]))
         )
-        seen = (x >= 0) & (x < film.width) & (y >= 0) & (y < film.height)
+        seen = (x >= 0) & (x < film.size[0]) & (y >= 0) & (y < film.size[1])
     base = scene.data.base if scene.data is not None else None
     if isinstance(base, GlobeBase):
         origin, forward = np.array(scene.camera.origin, float), np.array(matrices["worldToCamera"])[:3, 2]

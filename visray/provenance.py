@@ -8,6 +8,7 @@ import drjit as dr
 import numpy as np
 
 from visray.projection import camera_matrices
+from visray.scene.film import Film
 from visray.scene.scene import Scene
 from visray.setup import Prepared
 from visray.version import __version__
@@ -38,7 +39,16 @@ def provenance(prepared: Prepared, scene_hash: str, seconds: float, seen: np.nda
         "threads": dr.thread_count(),
         "render_seconds": seconds,
         **camera_matrices(prepared.scene),
+        **part_of(prepared.scene.film),
     }
+
+
+def part_of(film: Film) -> dict[str, str]:
+    """The facts of a part of a picture: `region` (left, top, right and bottom edge) and `whole` (width and height), in
+    pixels. Empty for a whole picture."""
+    return (
+        {} if film.region is None else {"region": " ".join(map(str, film.region)), "whole": "{} {}".format(*film.size)}
+    )
 
 
 def _numbers(scene: Scene, seen: np.ndarray | None) -> dict[str, int]:

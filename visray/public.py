@@ -36,8 +36,9 @@ from visray.primitives.clips import Ball, Block
 from visray.projection import Projected, projected
 from visray.renderer import prepare, render
 from visray.scene.address import replaced, value
+from visray.scene.film import Film
 from visray.scene.load import dump, load
-from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings, SkyGradient
+from visray.scene.scene import Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.setup import Prepared
 from visray.study.cost.study import cost
 from visray.study.cost.tuning import tune

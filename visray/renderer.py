@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -213,7 +214,7 @@ def checked_layers(layers: Sequence[str]) -> tuple[str, ...]:
 
 def _seconds_to_finish(scene: Scene, layers: tuple[str, ...], files: Files) -> float:
     """Estimated seconds from the last sample until all files are written."""
-    pixels = scene.film.width * scene.film.height
+    pixels = prod(scene.film.raster)
     legend = LEGEND + LEGEND_PIXEL * pixels if set(layers) & set(names_from("overlay")) else 0.0
     channels = sum(len(BY_NAME[name].channels) for name in layers)
     writing = [PNG if Path(p).suffix.lower() == ".png" else CHANNEL * channels for p in files.paths]

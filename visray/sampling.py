@@ -220,6 +220,14 @@ class SampleState:
             return jittered(self.stratum, True, self.plan.side, h, self.real)
         return jittered(self.stratum, self.index >= self.plan.strata, self.plan.side, h, self.real)
 
+    def turn(self) -> Any:
+        """A number from 0 to 1 that is independent of `pixel`. Of 2^k successive samples whose first index is a
+        multiple of 2^k, each has its own of 2^k equal intervals, unless the sampler is independent."""
+        key = hash32(self.key ^ 0x3C6EF372)
+        if self.sampler == "independent":
+            return self.real(hash32(key + (self.index + 1) * _ODD) >> 8) * 2.0**-24
+        return sobol(self.index, key, True, self.real)[0]
+
     def derived(self, salt: Any) -> "SampleState":
         """Further random numbers of the sample: all dimensions again, independent of those with another salt.
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
+from math import prod
 from typing import Any
 
 import drjit as dr
@@ -25,6 +26,7 @@ from visray.pass_timer import PassTimer
 from visray.quantities import BACKENDS, Arrays
 from visray.repack import repacked
 from visray.scene import address as addresses
+from visray.scene.film import Film
 from visray.scene.scene import Scene
 from visray.track_report import warn_of_tracks
 
@@ -38,8 +40,8 @@ class Prepared:
     features: effects that its kernel simulates
     packed: numbers of the scene as arrays
     kernel: the scene as kernels read it
-    order: number (row * width + column) of each lane's pixel
-    x, y: column and row of each lane's pixel
+    order: number (row * width + column) of each lane's pixel, among those that are rendered (Film.raster)
+    x, y: column and row of each lane's pixel in the whole picture
     identities: names in the scene, each with the id() of its value, to detect that a dict of the scene was changed in
         place
     shutter: the moments at which samples see the scene (motion_blur.py); None without motion blur
@@ -93,10 +95,10 @@ class Prepared:
         film."""
         if scene is self.scene or (scene.settings == self.scene.settings and scene.film == self.scene.film):
             return self
-        made, film = self._with(scene, self.packed), scene.film
-        if len(made.order) != film.width * film.height or film.width != self.scene.film.width:
-            films.check_memory(film.width, film.height)
-            order, x, y = lanes(self.a, film.width, film.height)
+        made, film, old = self._with(scene, self.packed), scene.film, self.scene.film
+        if (film.raster, film.corner) != (old.raster, old.corner) or len(made.order) != prod(film.raster):
+            films.check_memory(*film.raster)
+            order, x, y = lanes(self.a, film)
             made = replace(made, order=order, x=x, y=y)
         return replace(made, shutter=self.shutter.on(made)) if self.shutter else made
 
@@ -147,8 +149,7 @@ def prepare(
     scene = still_at(scene, None)
     a = arrays(backend, scene.settings.precision)
     refuse_within_kernel()
-    width, height = scene.film.width, scene.film.height
-    films.check_memory(width, height)
+    films.check_memory(*scene.film.raster)
     warn_of_meshes(scene)
     warn_of_clips(scene)
     warn_of_empty_csg(scene)
@@ -159,7 +160,7 @@ def prepare(
         attach(packed)
     kernel = kernel_scene(packed, scene, effects, a, _atlas(scene, packed, a), brute_force)
     return Prepared(
-        scene, a, effects, packed, kernel, *lanes(a, width, height), _identities(scene), without=tuple(without)
+        scene, a, effects, packed, kernel, *lanes(a, scene.film), _identities(scene), without=tuple(without)
     )
 
 
@@ -195,11 +196,13 @@ def arrays(backend: str, precision: str) -> Arrays:
     return Arrays.of(backend, precision)
 
 
-def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
-    """Number (row * width + column), column and row of each lane's pixel, as three arrays."""
+def lanes(a: Arrays, film: Film) -> tuple[np.ndarray, Any, Any]:
+    """Number (row * width + column) of each lane's pixel among those that are rendered, and its column and row in the
+    whole picture, as three arrays."""
+    width, height = film.raster
     order = films.tile_order(width, height)
     y, x = np.divmod(order, width)
-    x, y = (a.put(a.U, v.astype(np.uint32)) for v in (x, y))
+    x, y = (a.put(a.U, (v + first).astype(np.uint32)) for v, first in zip((x, y), film.corner))
     dr.eval(x, y)
     return order, x, y
 

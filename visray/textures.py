@@ -4,9 +4,9 @@ A new kind is one class here, its name in KINDS, and its colour in images/lookup
 """
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field
 
 from visray.named_files import FileRule
 from visray.quantities import Color, Real
@@ -15,6 +15,14 @@ from visray.records import record_kind
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
 _Coordinate = Annotated[Real, Field(ge=-1e6, le=1e6)]
 Pair = tuple[_Coordinate, _Coordinate]
+
+
+def _paired(raw: Any) -> Any:
+    """A single number as a pair of it; anything else as it is."""
+    return (raw, raw) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
+
+
+PairOrOne = Annotated[Pair, BeforeValidator(_paired, json_schema_input_type=_Coordinate | Pair)]
 Wrap = Literal["repeat", "clamp", "mirror"]
 # A texture has a row in the atlas for each way in which it is used (row_number): (v_ends, keeps_ka).
 USES = ((False, False), (True, False), (False, True), (True, True))
@@ -23,13 +31,13 @@ USES = ((False, False), (True, False), (False, True), (True, True))
 @dataclass(frozen=True, kw_only=True)
 class Texture:
     """A texture is looked up at the coordinates `scale` times (u, v) plus `offset`. For example, a scale of (2, 1)
-    repeats it twice along u."""
+    repeats it twice along u. One number is the scale along both."""
 
     __pydantic_config__ = STRICT
     # The section of a scene that has textures (records.Reference). No annotation, so that it is no field.
     section = "textures"
 
-    scale: Pair = (1.0, 1.0)
+    scale: PairOrOne = (1.0, 1.0)
     offset: Pair = (0.0, 0.0)
 
 

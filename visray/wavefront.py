@@ -161,6 +161,12 @@ class Waves:
         """Random numbers at the first surface."""
         return SampleState(self.s.settings.sampler, self.s.a.F, self.plan, wave.key, wave.index, wave.stratum)
 
+    def weight(self, wave: Wave) -> Any:
+        """Weights of the samples of paths by the filter, as colours."""
+        n = dr.width(wave.lane)
+        weight = integrator.weight_of(self.s, self._sample(wave))
+        return dr.full(self.s.a.V, 1, n) if weight is None else _wide(self.s.a.V(weight), n)
+
     def surface(self, at: Arrival) -> Callable:
         """The launch at the surfaces of a wave. Its inputs are `carried`. Its results are the light that the paths
         bring to their pixels from these surfaces, and `carried` of the rays that leave them. `others` is (mask of the
@@ -177,7 +183,8 @@ class Waves:
             si = interact(s, ray, hit, replace(sample, key=dr.select(first, wave.key, later.key)))
             colour, sky = shade(s, si), s.a.V(0) if s.transparent else indirect.background(s, d)
             if not s.features["paths"]:
-                return (_wide(dr.select(hit.valid, colour, sky), n),), ()
+                colour = dr.select(hit.valid, colour, sky)
+                return (_wide(colour if s.filter is None else weight * colour, n),), ()
             interface = media.interface_at(s, si)
             own_weight = media.local_weight(s, si, interface)
             if (passed := media.transmitted(s, si, interface)) is not None:

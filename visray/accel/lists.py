@@ -169,11 +169,18 @@ def row_lists(
     return tuple(RowLists.of(a, b, o, views) if i in listed else None for i, b in enumerate(batches))
 
 
-def camera_sheet(camera: Camera, width: int, height: int) -> CellView:
-    """The sheet of the rays of a pinhole camera. camera: its numbers, as arrays of width 1."""
+def camera_sheet(camera: Camera, size: tuple[int, int], reach: float) -> CellView:
+    """The sheet of the rays of a pinhole camera.
+
+    camera: its numbers, as arrays of width 1
+    size: width and height of the picture in pixels
+    reach: how far rays go beyond the edges of the picture, in pixels
+    """
     right, up, forward, _ = camera.axes()
     most_up = np.tan(np.radians(np.array(camera.fov, float)[0]) / 2)
-    most = np.array([most_up * width / height, most_up])
+    most = np.array([most_up * size[0] / size[1], most_up])
+    if reach:
+        most += 2 * most_up / size[1] * reach
     return camera_view(*(points(v)[0] for v in (camera.origin, right, up, forward)), -most, most)
 
 

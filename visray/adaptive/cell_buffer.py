@@ -54,8 +54,9 @@ class CellBuffer(LaneBuffer):
     def _lane_inputs(self) -> tuple:
         """Seed, column, row and window of each lane, as Dr.Jit arrays."""
         cells, a = self.cells, self.prepared.a
-        width, seed = self.prepared.scene.film.width, self.prepared.scene.settings.seed
-        y, x = np.divmod(cells.pixels[cells.pixel], width)
+        film, seed = self.prepared.scene.film, self.prepared.scene.settings.seed
+        y, x = np.divmod(cells.pixels[cells.pixel], film.raster[0])
+        x, y = x + film.corner[0], y + film.corner[1]
         number = np.arange(len(cells.pixel)) - np.searchsorted(cells.pixel, cells.pixel)
         seeds = [half_seed(seed, 2 + k * MOST_CELLS + int(i)) for k in range(REPLICATES) for i in number]
         integers = (a.put(a.U, np.tile(v, REPLICATES).astype(np.uint32)) for v in (x, y))

@@ -125,7 +125,7 @@ def _differing(prepared: Prepared, lanes: np.ndarray, depths: tuple[int, int], c
     shallow, deep = (_rendered(tested, depth, only_half_a).means()[0] for depth in depths)
     differs = np.zeros(len(prepared.order))
     differs[tested.order] = (shallow != deep).any(0)
-    near = window_sums(differs.reshape(film.height, film.width), np.ones(WINDOW)) > 0
+    near = window_sums(differs.reshape(film.raster[::-1]), np.ones(WINDOW)) > 0
     return np.flatnonzero(near.ravel()[prepared.order])
 
 

@@ -39,7 +39,7 @@ class DualBuffer(LaneBuffer):
     def __init__(self, prepared: Prepared, journal: Journal | None = None):
         self.n, self.hidden = len(prepared.order), 0.0
         self.cells: CellBuffer | None = None
-        films.check_memory(prepared.scene.film.width, prepared.scene.film.height, 2)
+        films.check_memory(*prepared.scene.film.raster, 2)
         super().__init__(prepared, np.tile(prepared.order, 2), "pixels", journal)
 
     def compile(self) -> None:
@@ -121,7 +121,7 @@ class DualBuffer(LaneBuffer):
                 # The variance that independent samples of the whole pixel would have for the same error.
                 layers["variance"][:, cells.lanes] = cells.squares() * samples[cells.lanes]
         if "error" in names:
-            shape, order = (film.height, film.width), self.prepared.order
+            shape, order = film.raster[::-1], self.prepared.order
             a, b = self.means()
             picture = np.empty((3, self.n))
             squares = np.square(a - b) / 4

@@ -83,7 +83,7 @@ class Evidence:
     def _nearby_variances(self) -> np.ndarray:
         """Mean variance around each pixel, divided by the square of the picture's luminance. Shape: (N)."""
         buffer, film, order = self.buffer, self.buffer.prepared.scene.film, self.buffer.prepared.order
-        variances = np.ones(film.height * film.width)
+        variances = np.ones(len(order))
         if buffer.counts.min() > 1:
             variances[order] = buffer.variances().reshape(2, -1).sum(0)
         # A black picture has no luminance to divide by.
@@ -91,7 +91,7 @@ class Evidence:
         known = np.ones(variances.shape, bool)
         if buffer.cells is not None:
             known[order[buffer.cells.lanes]] = False
-        shape = film.height, film.width
+        shape = film.raster[::-1]
         return neighbour_means(variances.reshape(shape), known.reshape(shape)).ravel()[order]
 
     def look_at_small_objects(self, has_time: Callable[[], bool], seconds_left: Callable[[], float]) -> None:

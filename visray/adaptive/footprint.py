@@ -13,10 +13,12 @@ from drjit.scalar import Array3f64
 
 from visray.batches import Batch
 from visray.camera import ParallelView
+from visray.filters import SQUARE
 from visray.geometry import Frame, SimilarityInverse, gamma
 from visray.kernel_scene import KernelScene
 from visray.primitives.polynomial import Polynomial
 from visray.pytree import rows
+from visray.scene.film import Film
 
 # Share of the outline of a row's box that the row itself covers, at least: a ball seen along the diagonal of its box,
 # half a rectangle, and a guess for shapes that only their box is known of.
@@ -112,18 +114,24 @@ class FilmMap:
 
     rows: three vectors. For a perspective camera, the film coordinates of a point are the first two products of these
         with (point - origin), divided by the third one. For an orthographic camera they are the first two products.
+    filter: filter of the pixels.
+    low, high: corners of the part of the film that samples lie in.
     """
 
-    def __init__(self, s: KernelScene, width: int, height: int):
+    def __init__(self, s: KernelScene, film: Film):
         view, self.parallel = s.view, isinstance(s.view, ParallelView)
+        self.filter = SQUARE if s.filter is None else film.filter
+        reach = self.filter.reach
+        self.low = np.array(film.corner) - reach
+        self.high = np.array(film.corner) + film.raster + reach
         one = lambda v: np.array(v, float).ravel()  # noqa: E731 - a vector of the view
         third = one(view.forward) if self.parallel else one(view.corner)
         self.rows = np.linalg.inv(np.stack([one(view.pixel_right), one(view.pixel_down), third], 1))
         self.origin = one(view.o) + (one(view.corner) if self.parallel else 0)
-        self.forward, self.size = one(view.forward), np.array([width, height])
+        self.forward = one(view.forward)
         pixel = np.linalg.norm(one(view.pixel_right))
         # Rounding of directions, in pixels.
-        far = np.linalg.norm(one(view.corner)) + pixel * (width + height)
+        far = np.linalg.norm(one(view.corner)) + pixel * (sum(film.size) + 4 * reach)
         self.rounding = gamma(16, s.a.precision) * far / pixel
         has_lens = s.features["defocus"]
         self.lens = np.linalg.norm(one(view.lens_right)) / pixel if has_lens else 0.0

@@ -14,6 +14,8 @@ import numpy as np
 
 from visray.adaptive.footprint import Blocks, FilmMap, blocks, row_objects, triangles
 from visray.batches import Batch
+from visray.filters import ReconstructionFilter
+from visray.scene.film import Film
 from visray.setup import Prepared
 
 # An object that covers less than this many pixels is small: the first eight samples of each pixel hit it less than 16
@@ -35,9 +37,10 @@ PROBED = 2**12
 class Cells:
     """Cells of the pixels that show small objects. Shapes: P pixels, C cells.
 
-    pixels: number (row * width + column) of each pixel. Shape: (P).
+    pixels: number (row * width + column) of each pixel, as in Prepared.order. Shape: (P).
     pixel: number, from 0 to P - 1, of each cell's pixel. Shape: (C).
-    windows: left, top, width and height of each cell in its pixel, which is the unit square. Shape: (C, 4).
+    windows: left, top, width and height of each cell in the unit square of the numbers that places in the pixel are
+        computed from; without a filter these are the places themselves. Shape: (C, 4).
     samples: number of samples that each cell should have at least. Shape: (C).
     objects: number in the scene of the smallest object of each pixel. Shape: (P).
     missed: numbers of the small objects that would need too many samples.
@@ -59,7 +62,7 @@ class Cells:
 def small_objects(prepared: Prepared) -> Cells:
     """The cells of the pixels that show small objects, and the small objects that need too many samples."""
     film = prepared.scene.film
-    to_film = FilmMap(prepared.kernel, film.width, film.height)
+    to_film = FilmMap(prepared.kernel, film)
     hidden = prepared.scene.hidden
     found = [x for batch in prepared.kernel.batches if batch.kind.bounded for x in _small_rows(batch, to_film, hidden)]
     if not found:
@@ -71,7 +74,7 @@ def small_objects(prepared: Prepared) -> Cells:
     first = np.cumsum([0, *(len(x[1]) for x in found[:-1])])
     rows = np.concatenate([row + k for (_, row), k in zip(pieces, first)])
     rectangles = np.concatenate([to_film.rectangles(piece) for piece, _ in pieces])
-    return _cells(rectangles, objects[rows], areas[rows], film.width, film.height)
+    return _cells(rectangles, objects[rows], areas[rows], film, to_film.filter)
 
 
 def _small_rows(batch: Batch, to_film: FilmMap, hidden: np.ndarray) -> list[tuple[Blocks, np.ndarray, np.ndarray]]:
@@ -94,7 +97,7 @@ def _small_rows(batch: Batch, to_film: FilmMap, hidden: np.ndarray) -> list[tupl
     if not len(front):
         return []
     areas = np.bincount(objects, to_film.areas(boxes))[objects]
-    small = np.flatnonzero((areas < SMALL) & _on_film(to_film.rectangles(boxes), to_film.size))
+    small = np.flatnonzero((areas < SMALL) & _on_film(to_film.rectangles(boxes), to_film))
     small = small[~np.isin(objects[small], hidden)]
     boxes, objects, areas = boxes[small], objects[small], areas[small]
     return [(boxes, objects, areas)] if len(small) else []
@@ -121,20 +124,25 @@ def _without_textures(prepared: Prepared, found: list) -> list:
     return rest
 
 
-def _on_film(rectangles: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Mask of the rectangles that meet the film. size: width and height of the film."""
-    return ((rectangles[:, 2:] > 0) & (rectangles[:, :2] < size)).all(1)
+def _on_film(rectangles: np.ndarray, to_film: FilmMap) -> np.ndarray:
+    """Mask of the rectangles that meet the part of the film that samples lie in."""
+    return ((rectangles[:, 2:] > to_film.low) & (rectangles[:, :2] < to_film.high)).all(1)
 
 
-def _cells(rectangles: np.ndarray, objects: np.ndarray, areas: np.ndarray, width: int, height: int) -> Cells:
+def _cells(
+    rectangles: np.ndarray, objects: np.ndarray, areas: np.ndarray, film: Film, filter: ReconstructionFilter
+) -> Cells:
     """The cells of pixels, from pieces of small objects.
 
     rectangles: left, top, right and bottom of each piece. Shape: (pieces, 4).
     objects: number of each piece's object. Shape: (pieces).
     areas: area of this object, in pixels. Shape: (pieces).
+    filter: filter of the pixels. A pixel shows all objects within its radius.
     """
-    low = np.clip(np.floor(rectangles[:, :2]), 0, [width, height]).astype(np.int64)
-    high = np.clip(np.ceil(rectangles[:, 2:]), 0, [width, height]).astype(np.int64)
+    corner, size, radius = np.array(film.corner), np.array(film.raster), filter.radius
+    rectangles = rectangles - np.tile(corner, 2)
+    low = np.clip(np.floor(rectangles[:, :2] - (radius + 0.5)) + 1, 0, size).astype(np.int64)
+    high = np.clip(np.ceil(rectangles[:, 2:] + (radius - 0.5)), 0, size).astype(np.int64)
     across, down = np.maximum(high - low, 0).T
     touched = across * down
     kept = np.cumsum(touched) <= MOST_TOUCHED
@@ -142,21 +150,22 @@ def _cells(rectangles: np.ndarray, objects: np.ndarray, areas: np.ndarray, width
     piece = np.repeat(np.arange(len(touched)), touched)
     i = np.arange(len(piece)) - np.repeat(np.cumsum(touched) - touched, touched)
     x, y = low[piece, 0] + i % across[piece], low[piece, 1] + i // across[piece]
-    pixels, pixel = np.unique(y * width + x, return_inverse=True)
-    corner = np.stack([x, y, x, y], 1)
-    inside = np.clip(rectangles[piece] - corner, 0, 1)
-    unions = np.repeat([[1.0, 1.0, 0.0, 0.0]], len(pixels), 0)
-    np.minimum.at(unions, (pixel[:, None], [0, 1]), inside[:, :2])
-    np.maximum.at(unions, (pixel[:, None], [2, 3]), inside[:, 2:])
+    pixels, pixel = np.unique(y * size[0] + x, return_inverse=True)
+    first, last = 0.5 - radius, 0.5 + radius
+    inside = np.clip(rectangles[piece] - np.stack([x, y, x, y], 1), first, last)
+    on_film = np.repeat([[last, last, first, first]], len(pixels), 0)
+    np.minimum.at(on_film, (pixel[:, None], [0, 1]), inside[:, :2])
+    np.maximum.at(on_film, (pixel[:, None], [2, 3]), inside[:, 2:])
+    unions = filter.share(on_film)
     sides = unions[:, 2:] - unions[:, :2]
     whole = (sides.prod(1) > LARGEST) | (sides <= 0).any(1)
-    unions[whole] = 0, 0, 1, 1
+    unions[whole], on_film[whole] = (0, 0, 1, 1), (first, first, last, last)
     smallest = np.lexsort((areas[piece], pixel))
     smallest = piece[smallest[np.unique(pixel[smallest], return_index=True)[1]]]
-    wanted = HITS * (unions[:, 2:] - unions[:, :2]).prod(1) / np.maximum(areas[smallest], 1e-300)
+    wanted = HITS * (on_film[:, 2:] - on_film[:, :2]).prod(1) / np.maximum(areas[smallest], 1e-300)
     order = np.argsort(wanted, kind="stable")
     fits = np.zeros(len(pixels), bool)
-    fits[order] = np.cumsum(wanted[order]) <= max(MOST_SAMPLES, MOST_PER_PIXEL * width * height)
+    fits[order] = np.cumsum(wanted[order]) <= max(MOST_SAMPLES, MOST_PER_PIXEL * size.prod())
     missed = np.union1d(dropped, objects[smallest[~fits]])
     return _cut(pixels[fits], unions[fits], wanted[fits], objects[smallest[fits]], missed)
 

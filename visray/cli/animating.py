@@ -27,22 +27,25 @@ from visray.cli.options import (
     check_cluster,
     flag,
     load_scene,
-    parse_size,
 )
 from visray.cli.picture_options import (
     EPILOGUE,
     Backend,
     Error,
     Exposure,
+    Filter,
     Float,
     Gamma,
     Layers,
     NoLegend,
     Precision,
     Quiet,
+    Region,
     Samples,
+    Scale,
     Seed,
     Size,
+    film_changes,
     needed_layers,
     parse_gamma,
 )
@@ -89,6 +92,9 @@ def animate_command(
         Seconds | None, Parameter(help="Make the best picture of each frame in this time: 20 or 20s, 2min, 1h.")
     ] = None,
     size: Size = None,
+    scale: Scale = None,
+    region: Region = None,
+    filter: Filter = None,
     precision: Precision = None,
     seed: Seed = None,
     threads: Threads = None,
@@ -121,7 +127,7 @@ def animate_command(
         if resume and overwrite:
             raise UserError("--resume and --overwrite: keep the finished frames or replace them; leave one out")
         refuse(output)
-        changes = {"spp": spp, "size": parse_size(size), "seed": seed, "precision": precision}
+        changes = {"spp": spp, **film_changes(size, scale, region, filter), "seed": seed, "precision": precision}
         check_cluster(cluster)
         with Bar(f"reading {scene.name}", 1, not (quiet or json)):
             loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)

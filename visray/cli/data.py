@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from visray import clock
 from visray.cli.describing import describe_table
 from visray.cli.options import Integer, Json, Seconds, Share, Threads, app, flag, parse_list, parse_size
-from visray.cli.picture_options import Preview, Quiet, Show, Time
+from visray.cli.picture_options import Filter, Preview, Quiet, Region, Scale, Show, Time
 from visray.cli.showing import Showing
 from visray.cli.standard_output import is_aside, reserve
 from visray.errors import UserError
@@ -111,6 +111,9 @@ def data_command(
     ] = None,
     describe: flag("Only tell what the columns of the table hold.") = False,
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels. Default: 960x540.")] = None,
+    scale: Scale = None,
+    region: Region = None,
+    filter: Filter = None,
     spp: Annotated[Integer | None, Parameter(help="Samples per pixel. Default: 16.")] = None,
     error: Annotated[
         Share | None, Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the luminance.")
@@ -189,7 +192,7 @@ def data_command(
                 write_line(_how_to_animate(save, file))
         report = {"choices": made.choices, "notes": made.notes} | ({} if save is None else {"scene": str(save)})
         options = {"allow_outside": True, "output": outputs, "error": error, "time": time, "threads": threads}
-        options |= {"quiet": quiet, "json": json, "more": report}
+        options |= {"quiet": quiet, "json": json, "more": report, "scale": scale, "region": region, "filter": filter}
         if moves:
             return animate_command(scene, overwrite=overwrite, **options)
         return render_command(scene, showing=showing, **options)

@@ -1,5 +1,6 @@
 """Options of the commands that make pictures: how a picture is made, and how it is written."""
 
+import re
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
@@ -7,11 +8,13 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from visray.cli.options import Integer, Seconds, Share, flag
+from visray.cli.options import Integer, Seconds, Share, flag, parse_size
 from visray.errors import UserError
+from visray.hints import hint
 from visray.modes import MODES, Mode
 from visray.output.layers import LAYERS, NAMES, Layer, layers_of_files, names_from
 
+FILTERS = ("box", "tent", "gaussian", "mitchell")
 Samples = Annotated[Integer | None, Parameter(help="Samples per pixel. Default: as the scene says.")]
 Error = Annotated[
     Share | None,
@@ -19,6 +22,15 @@ Error = Annotated[
 ]
 Time = Annotated[Seconds | None, Parameter(help="Make the best picture in this time: 20 or 20s, 2min, 1h.")]
 Size = Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels, such as 640x480.")]
+Scale = Annotated[float | None, Parameter(help="Multiply width and height: 0.5 is a picture of half the size.")]
+Region = Annotated[
+    str | None,
+    Parameter(help="Render only these pixels: LEFT,TOP,RIGHT,BOTTOM in the whole picture, such as 100,50,420,290."),
+]
+Filter = Annotated[
+    str | None,
+    Parameter(help=f"Filter of the pixels: {', '.join(FILTERS)}; with its radius in pixels, such as gaussian,2."),
+]
 Precision = Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")]
 Seed = Annotated[Integer | None, Parameter(help="Seed of the random numbers. Another gives other noise.")]
 Backend = Annotated[Literal["llvm", "cuda", "metal"], Parameter(help="cuda and metal are untested.")]
@@ -68,6 +80,35 @@ def needed_layers(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
     if len(names) > len(always) and ".exr" not in suffixes:
         warnings.warn("--layers: only an EXR file has layers, and none is written", stacklevel=1)
     return names
+
+
+def film_changes(size: str | None, scale: float | None, region: str | None, filter: str | None) -> dict[str, Any]:
+    """The film that the options ask for, as arguments of scene.adjusted.adjusted."""
+    return {"size": parse_size(size), "scale": scale, "region": parse_region(region), "filter": parse_filter(filter)}
+
+
+def parse_region(text: str | None) -> tuple[int, ...] | None:
+    """The edges of a region from a text such as 100,50,420,290, or None if there is no text."""
+    if text is None:
+        return None
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != 4 or not all(re.fullmatch("-?[0-9]{1,9}", part) for part in parts):
+        right = "must be LEFT,TOP,RIGHT,BOTTOM in whole pixels, such as 100,50,420,290"
+        raise UserError(f"--region = {text!r}: {right}")
+    return tuple(map(int, parts))
+
+
+def parse_filter(text: str | None) -> dict[str, Any] | None:
+    """A filter from a text such as gaussian or gaussian,2, or None if there is no text."""
+    if text is None:
+        return None
+    name, comma, radius = (part.strip() for part in text.partition(","))
+    if name not in FILTERS:
+        raise UserError(f"--filter = {text!r}: unknown filter; {hint(name, FILTERS)}")
+    try:
+        return {"type": name} | ({"radius": float(radius)} if comma else {})
+    except ValueError:
+        raise UserError(f"--filter = {text!r}: the radius must be a number of pixels, such as {name},2") from None
 
 
 def parse_gamma(text: str) -> Any:

@@ -28,13 +28,13 @@ from visray.cli.options import (
     check_cluster,
     flag,
     load_scene,
-    parse_size,
 )
 from visray.cli.picture_options import (
     EPILOGUE,
     Backend,
     Error,
     Exposure,
+    Filter,
     Float,
     Gamma,
     Layers,
@@ -42,11 +42,14 @@ from visray.cli.picture_options import (
     Precision,
     Preview,
     Quiet,
+    Region,
     Samples,
+    Scale,
     Seed,
     Show,
     Size,
     Time,
+    film_changes,
     needed_layers,
     parse_gamma,
 )
@@ -102,6 +105,9 @@ def render_command(
         Integer | None, Parameter(help="The moment as the number of a frame. In -o shot.####.exr, it replaces ####.")
     ] = None,
     size: Size = None,
+    scale: Scale = None,
+    region: Region = None,
+    filter: Filter = None,
     precision: Precision = None,
     seed: Seed = None,
     threads: Threads = None,
@@ -136,7 +142,7 @@ def render_command(
     if quiet:
         warnings.simplefilter("ignore")
     with kept_notes() as notes:
-        changes = {"spp": spp, "size": parse_size(size), "seed": seed, "precision": precision}
+        changes = {"spp": spp, **film_changes(size, scale, region, filter), "seed": seed, "precision": precision}
         check_cluster(cluster)
         showing = showing or Showing.of(show, preview, json)
         asked = showing.outputs(output, [Path(scene.stem + suffix) for suffix in (".exr", ".png")])

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from visray import clock
 from visray.cli.options import Integer, Json, Settings, Share, Threads, app, flag, parse_size
-from visray.cli.picture_options import Preview, Quiet, Show, Time
+from visray.cli.picture_options import Filter, Preview, Quiet, Region, Scale, Show, Time
 from visray.cli.showing import Showing
 from visray.cli.standard_output import is_aside, reserve
 from visray.cli.view import Host, NoBrowser, Port, check_live, show_live
@@ -68,6 +68,9 @@ def surface_command(
     save: Annotated[Path | None, Parameter(help="Write the scene to this .json file.")] = None,
     set: Settings = [],  # noqa: B006 - the name of the option; only read
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels. Default: 640x640.")] = None,
+    scale: Scale = None,
+    region: Region = None,
+    filter: Filter = None,
     spp: Annotated[Integer | None, Parameter(help="Samples per pixel. Default: as many as the error needs.")] = None,
     error: Annotated[
         Share | None,
@@ -139,7 +142,8 @@ def surface_command(
         report = {"choices": made.choices, "notes": list(made.notes)} | ({} if save is None else {"scene": str(save)})
         return render_command(
             file, output=showing.outputs(output, [Path(f"{made.name}.png")]), spp=spp, error=error, time=time,
-            threads=threads, showing=showing, quiet=quiet, json=json, more=report,
+            threads=threads, showing=showing, quiet=quiet, json=json, more=report, scale=scale, region=region,
+            filter=filter,
         )  # fmt: skip
 
 

@@ -88,7 +88,7 @@ def boxes(prepared: Prepared) -> list[Box]:
         # Points behind the camera are not seen; what they are divided by does not matter.
         scale = 1 if parallel else np.where(depth > 0, depth, 1)
         x, y = (p @ axis / (axis @ axis) / scale for axis in (right, down))
-        half = scene.film.width / 2, scene.film.height / 2
+        half = [n / 2 for n in scene.film.size]
         seen = depth > 0
         beyond = [(s * v[seen] > h).all() for v, h in zip((x, y), half) for s in (1, -1)]
         middle = p.mean(0)
@@ -105,6 +105,8 @@ def empty_notes(prepared: Prepared) -> list[str]:
     scene = prepared.scene
     if not scene.all_objects:
         return ["the scene has no objects: the picture shows only the background"]
+    if scene.film.region is not None:
+        return [f"nothing is seen in film.region = {[*scene.film.region]}: no object is there"]
     found = boxes(prepared)
     endless = (n for n, o in scene.representatives.items() if not scene.placed_shape(o).bounded)
     if name := next(endless, None):

@@ -119,7 +119,7 @@ def data_scene(
         raise UserError("map_file: goes with a map that is drawn; leave out map or map_file")
     if size is not None or spp is not None:
         sized = adjusted(Scene(), size=size, spp=spp)
-        wishes = replace(wishes, size=(sized.film.width, sized.film.height), spp=spp)
+        wishes = replace(wishes, size=sized.film.size, spp=spp)
     try:
         made = data_picture(_source(table), wishes, "map.png")
     except UserError as error:

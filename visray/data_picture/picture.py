@@ -22,7 +22,8 @@ from visray.data_picture.wishes import Wishes, checked, completed, passed_over
 from visray.errors import UserError
 from visray.legend.layout import LEAST_SIDE
 from visray.materials import Material
-from visray.scene.scene import Film, Scene, Settings
+from visray.scene.film import Film
+from visray.scene.scene import Scene, Settings
 from visray.terminal import printable
 from visray.textures import ImageTexture
 

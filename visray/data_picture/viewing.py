@@ -38,7 +38,7 @@ def viewed(scene: Scene, rows: Rows) -> Scene:
     view = min((_fitted(scene, balls, axes, position) for position in ("right", "bottom")), key=_distance)
     if isinstance(base, GlobeBase):
         return view
-    window, aspect = _window(view), scene.film.width / scene.film.height
+    window, aspect = _window(view), scene.film.size[0] / scene.film.size[1]
     for step in STEEPER:
         steeper = fit.axes_over(base, at, lowest + step)
         if _distance(replace(view, camera=fitting.fitted_view(balls, steeper, aspect, window))) <= FARTHER * _distance(
@@ -66,7 +66,7 @@ def _fitted(scene: Scene, balls: fitting.Balls, axes: np.ndarray, position: str)
     balls: what the picture shows
     position: of the legend
     """
-    aspect, window = scene.film.width / scene.film.height, fitting.Window()
+    aspect, window = scene.film.size[0] / scene.film.size[1], fitting.Window()
     legend = replace(scene.data.legend, position=position)
     scene = replace(scene, data=replace(scene.data, legend=legend), lights=fitting.fitted_lights(balls, axes))
     # The sizes in a legend, and so its own size, depend on the camera.
@@ -84,7 +84,7 @@ def _distance(scene: Scene) -> float:
 def _window(scene: Scene) -> fitting.Window:
     """The part of the picture that the legend of a scene leaves free."""
     scene = _legible(scene)
-    width, height = scene.film.width, scene.film.height
+    width, height = scene.film.size
     content = legend_content(scene)
     with quiet():
         pen = Pen(fonts_for(content.texts(), content.font))
@@ -114,7 +114,7 @@ def _window(scene: Scene) -> fitting.Window:
 def _legible(scene: Scene) -> Scene:
     """An animated scene with a film of the usual size, if its own is too small for a legend: it may be a draft of a
     larger one, to which the camera must fit as well."""
-    width, height = scene.film.width, scene.film.height
+    width, height = scene.film.size
     if scene.animation is None or min(width, height) >= LEAST_SIDE:
         return scene
     scale = (REFERENCE_PIXELS / (width * height)) ** 0.5

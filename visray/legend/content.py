@@ -74,7 +74,7 @@ def _scale(scene: Scene, rows: Rows, key: str, label: str) -> SizeScale:
     # A value has the same size whatever other values there are, because the rule's domain is known.
     world = np.abs(rule.sizes(np.array(found), rule.range).size) if found else np.zeros(0)
     pixels = world * (_height_pixels(scene, rows) if key == "height" else 2 * _width_pixels(scene, rows))
-    limit = (LARGEST_OF_LOG if rule.scale == "log" else LARGEST) * min(scene.film.width, scene.film.height)
+    limit = (LARGEST_OF_LOG if rule.scale == "log" else LARGEST) * min(scene.film.size)
     fitting = [i for i in range(len(found)) if LEAST <= pixels[i] <= limit]
     kept = [fitting[i] for i in sorted({0, (len(fitting) - 1) // 2, len(fitting) - 1})] if fitting else []
     return SizeScale(label, shape, tuple((t, float(pixels[i])) for t, i in zip(_texts(found, kept), kept)))
@@ -100,7 +100,7 @@ def _width_pixels(scene: Scene, rows: Rows) -> float:
     camera = scene.camera
     parallel = isinstance(camera, OrthographicCamera)
     extent = camera.height if parallel else 2 * np.tan(np.radians(camera.fov) / 2) * float(np.median(depth))
-    return scene.film.height / extent
+    return scene.film.size[1] / extent
 
 
 def _height_pixels(scene: Scene, rows: Rows) -> float:

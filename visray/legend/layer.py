@@ -19,10 +19,18 @@ def drawn_legend(scene: Scene, rgb: np.ndarray, alpha: np.ndarray) -> Drawn:
     """The legend of a scene that has one, as a picture, and notes for users.
 
     rgb, alpha: colour of the picture, premultiplied, and its coverage. The text is light or dark as the picture is
-        over white.
+        over white. Of a region, the legend is the part of that of the whole picture, which is taken to be as the
+        region is on average.
 
     Shapes: rgb (H, W, 3), alpha (H, W).
     """
-    film = scene.film
-    legend = drawn(legend_content(scene), film.width, film.height, rgb + (1 - alpha[..., None]))
+    film, over = scene.film, rgb + (1 - alpha[..., None])
+    if film.region is None:
+        legend = drawn(legend_content(scene), *film.size, over)
+    else:
+        left, top, right, bottom = film.region
+        whole = np.broadcast_to(over.mean((0, 1)), (*film.size[::-1], 3)).copy()
+        whole[top:bottom, left:right] = over
+        legend = drawn(legend_content(scene), *film.size, whole)
+        legend = replace(legend, pixels=legend.pixels[top:bottom, left:right])
     return replace(legend, notes=(*legend.notes, *covering_notes(scene, legend.layout.panels)))

@@ -80,8 +80,7 @@ class Client:
     @property
     def _film(self) -> tuple[int, int]:
         """Width and height of the scene's film, in pixels."""
-        film = self.live.engine.scene.film
-        return film.width, film.height
+        return self.live.engine.scene.film.size
 
     def look(self, pose: Pose, window: tuple[int, int]) -> None:
         """The browser says where its camera is. window: width and height in pixels."""

@@ -129,8 +129,7 @@ class EffectsPart:
         """Begins to measure. In the thread that renders."""
         self.measurement, self.moments = Measurement(prepared), []
         self.pieces = self.measurement.pieces()
-        film = prepared.scene.film
-        self.size = f"{film.width} x {film.height}"
+        self.size = "{} x {}".format(*prepared.scene.film.raster)
 
     def _go_on(self, piece: Any) -> None:
         """Asks for the next piece of work after one. In the thread that renders."""

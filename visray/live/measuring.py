@@ -7,6 +7,7 @@ about RENDER_SECONDS, but for those that compile.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import prod
 from statistics import median
 
 from visray.setup import Prepared
@@ -75,7 +76,7 @@ class Measurement:
         full, film = TimedPicture(small), self.prepared.scene.film
         full.kernels()
         yield
-        scale = film.width * film.height / samples_of(small)
+        scale = prod(film.raster) / samples_of(small)
         times: list[float] = []
         for number, effect in enumerate(self.effects):
             self.doing, self.share_done = f"compiling without {effect}", number / len(self.effects)
@@ -103,15 +104,14 @@ class Measurement:
 def sized(prepared: Prepared, longest: int, spp: int) -> Prepared:
     """The prepared scene with a film of at most `longest` pixels a side, and `spp` samples per pixel."""
     scene = prepared.scene
-    width, height = reduced_size(scene.film.width, scene.film.height, longest)
-    film, settings = replace(scene.film, width=width, height=height), replace(scene.settings, spp=spp)
+    film = scene.film.resized(reduced_size(*scene.film.size, longest))
+    settings = replace(scene.settings, spp=spp)
     return prepared.adjusted(replace(scene, film=film, settings=settings))
 
 
 def samples_of(prepared: Prepared) -> int:
     """Number of samples of a picture, over all pixels."""
-    film = prepared.scene.film
-    return film.width * film.height * prepared.scene.settings.spp
+    return prod(prepared.scene.film.raster) * prepared.scene.settings.spp
 
 
 def fitting(prepared: Prepared, trial: Prepared, seconds: float) -> Prepared:
@@ -121,7 +121,7 @@ def fitting(prepared: Prepared, trial: Prepared, seconds: float) -> Prepared:
     """
     known, film = samples_of(trial), prepared.scene.film
     room = int(min(known * RENDER_SECONDS / max(seconds, 1e-9), known * GROWTH))
-    width, height = reduced_size(film.width, film.height, LONGEST_SIDE)
+    width, height = reduced_size(*film.size, LONGEST_SIDE)
     if room >= width * height:
         return sized(prepared, LONGEST_SIDE, min(room // (width * height), MOST_SAMPLES))
     shrunk = (room / (width * height)) ** 0.5

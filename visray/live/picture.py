@@ -67,7 +67,7 @@ class LivePicture:
         self.replays, self._waits = replays or Replays(), is_blurred
         self._blurring: Blurring | None = None
         film = prepared.scene.film
-        self.size = film.width, film.height
+        self.size = film.raster
         self.screen = Screen(prepared.a, self.size, film.transparent)
         self.finished = False
         self.error: float | None = None

@@ -104,8 +104,7 @@ def story_at(prepared: Prepared, position: tuple[float, float]) -> tuple[Any, tu
 
     position: from (0, 0) at the top left to (1, 1)
     """
-    film = prepared.scene.film
-    size = film.width, film.height
+    size = prepared.scene.film.size
     x, y = (min(max(int(p * n), 0), n - 1) for p, n in zip(position, size))
     return why(prepared, x, y), size
 

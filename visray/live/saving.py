@@ -45,7 +45,7 @@ class SavingPart:
                     "Command line", hint="The command that makes this picture again", visible=has_command
                 )
             with gui.add_folder("Picture"):
-                self.size = gui.add_text("size", f"{film.width}x{film.height}", hint="Width and height in pixels")
+                self.size = gui.add_text("size", "{}x{}".format(*film.size), hint="Width and height in pixels")
                 self.quality = gui.add_text("quality", "1 %", hint="An error, such as 1 %, or samples, such as 64 spp")
                 self.format = gui.add_dropdown("format", FORMATS, hint="EXR has all layers, in linear light")
                 self.picture = gui.add_button("Make the picture")
@@ -164,8 +164,7 @@ class SavingPart:
         return Seen(engine.scene, tuple(engine.edits), time, client.camera, client.at_home, engine.left_out)
 
     def _wish(self) -> Wish:
-        film = self.live.engine.scene.film
-        return parse_wish(self.size.value, self.quality.value, (film.width, film.height))
+        return parse_wish(self.size.value, self.quality.value, self.live.engine.scene.film.size)
 
     def _suffix(self) -> str:
         return f".{self.format.value.lower()}"

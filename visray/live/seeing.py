@@ -13,6 +13,7 @@ from visray import setup
 from visray.kernel_scene import with_view
 from visray.quantities import Arrays, stacked
 from visray.scene.check import checked
+from visray.scene.film import Film
 from visray.scene.scene import Scene
 from visray.setup import Prepared
 
@@ -29,7 +30,7 @@ def seen(prepared: Prepared, camera: Any, size: tuple[int, int], lists: bool) ->
     camera = prepared.scene.camera if camera is None else checked(Scene(camera=camera)).camera
     if _effects(camera) != _effects(prepared.scene.camera):
         prepared = prepared.updated({"camera": camera})
-    film = replace(prepared.scene.film, width=size[0], height=size[1])
+    film = prepared.scene.film.resized(size)
     scene = replace(prepared.scene, camera=camera, film=film)
     numbers = stacked(prepared.a, type(camera), [camera])
     kernel = with_view(prepared.kernel, numbers, scene, lists)
@@ -53,4 +54,4 @@ def _effects(camera: Any) -> tuple:
 def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
     """Number (row * width + column), column and row of each lane's pixel (setup.lanes). Films of a size share them."""
     setup.films.check_memory(width, height)
-    return setup.lanes(a, width, height)
+    return setup.lanes(a, Film(width=width, height=height))

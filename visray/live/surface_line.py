@@ -22,8 +22,8 @@ def surface_line(recipe: Recipe, seen: Seen, wish: Wish, outputs: Sequence[str] 
     Raises UserError if no command line makes this picture.
     """
     wanted = seen.as_file()
-    size = wish.size or (wanted.film.width, wanted.film.height)
-    wanted = replace(wanted, film=replace(wanted.film, width=size[0], height=size[1]))
+    size = wish.size or wanted.film.size
+    wanted = replace(wanted, film=wanted.film.resized(size))
     lines = list(_lines(recipe, wanted, seen.edits, size))
     if not lines:
         raise UserError("no command line makes this scene; download it, and render that file")

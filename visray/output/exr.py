@@ -53,6 +53,7 @@ def write_exr(
             _warn_of_clamping(path, name, values, "error" in facts)
         channels |= _channels(name, values, "float32" if dtype == "float16" and float32 else dtype)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | COLOR | _attributes(facts)
+    header |= windows_of(facts, next(iter(channels.values())).shape)
     # OpenEXR gets an open file, not a name, because then a full disk raises an OSError with an error number.
     with replacing(path) as temporary, open(temporary, "wb") as file:
         OpenEXR.File(header, channels).write(file)
@@ -147,6 +148,38 @@ def _typed(name: str, values: np.ndarray, dtype: str | None) -> np.ndarray:
         return np.ascontiguousarray(values, np.float32)
 
 
+def windows_of(facts: dict[str, Any], shape: tuple[int, ...]) -> dict[str, Any]:
+    """The windows of a part of a picture, as a dict of attributes; empty for a whole picture. The display window is
+    the whole picture, and the data window the part that the file has.
+
+    facts: metadata, with `region` and `whole` if the picture is a part. shape: height and width of the part
+    """
+    try:
+        left, top, right, bottom = map(int, facts["region"].split())
+        width, height = map(int, facts["whole"].split())
+    except (KeyError, AttributeError, ValueError):
+        return {}
+    if (bottom - top, right - left) != tuple(shape):
+        return {}
+    data, whole = ((left, top), (right - 1, bottom - 1)), ((0, 0), (width - 1, height - 1))
+    return {
+        name: tuple(np.array(corner, np.int32) for corner in window)
+        for name, window in (("dataWindow", data), ("displayWindow", whole))
+    }
+
+
+def _part(header: dict[str, Any]) -> dict[str, str]:
+    """The facts `region` and `whole` of a file whose data window is not its display window: the inverse of windows_of.
+    Empty for other files."""
+    (data_low, data_high), (low, high) = (
+        [np.array(corner, int) for corner in header[name]] for name in ("dataWindow", "displayWindow")
+    )
+    if (data_low == low).all() and (data_high == high).all():
+        return {}
+    edges, size = (*(data_low - low), *(data_high - low + 1)), high - low + 1
+    return {"region": " ".join(map(str, edges)), "whole": " ".join(map(str, size))}
+
+
 def _attributes(facts: dict[str, Any]) -> dict[str, Any]:
     """Metadata as EXR attributes. Empty lists are left out, because OpenEXR cannot write them."""
     attributes: dict[str, Any] = {}
@@ -195,7 +228,7 @@ def _metadata(header: dict[str, Any]) -> dict[str, Any]:
             facts[key] = value
         elif key.startswith(PREFIX):
             facts[key.removeprefix(PREFIX)] = _value(value)
-    return facts
+    return facts | _part(header)
 
 
 def _value(attribute: Any) -> Any:

@@ -11,24 +11,39 @@ from visray.scene.check import checked_as_written, fitted
 from visray.scene.scene import Scene
 
 
-def adjusted(scene: Scene, *, size: tuple[int, int] | None = None, **settings: Any) -> Scene:
-    """The validated scene with another size of the film and other settings. A camera and lights that it does not have
-    are fitted to this size.
+def adjusted(scene: Scene, **changes: Any) -> Scene:
+    """As adjusted_as_written, and a camera and lights that the scene does not have are fitted to the new size."""
+    return fitted(adjusted_as_written(scene, **changes))
 
-    size: width and height in pixels; None keeps the size.
+
+def adjusted_as_written(
+    scene: Scene,
+    *,
+    size: tuple[int, int] | None = None,
+    scale: float | None = None,
+    region: tuple[int, int, int, int] | None = None,
+    filter: Any = None,
+    **settings: Any,
+) -> Scene:
+    """The validated scene with another film and other settings. What the scene does not have is not fitted.
+
+    size: width and height of the whole picture in pixels; None keeps the size. Without `scale`, the film's scale is
+        then 1.
+    scale, region, filter: values of fields of Film; None keeps the value.
     settings: values of fields of Settings by name, such as spp; None keeps the value.
     """
-    return fitted(adjusted_as_written(scene, size=size, **settings))
-
-
-def adjusted_as_written(scene: Scene, *, size: tuple[int, int] | None = None, **settings: Any) -> Scene:
-    """As `adjusted`, but what the scene does not have is not fitted."""
     scene = checked_as_written(scene)
     changed = {k: v for k, v in settings.items() if v is not None}
     if changed:
         scene = replace(scene, settings=replace(scene.settings, **changed))
+    film = {k: v for k, v in (("scale", scale), ("region", region), ("filter", filter)) if v is not None}
     if size is not None:
         if not isinstance(size, (tuple, list, np.ndarray)) or np.shape(size)[:1] != (2,):
             raise UserError(f"size = {shown(size)}: must be a width and a height, such as (640, 480)")
-        scene = replace(scene, film=replace(scene.film, width=size[0], height=size[1]))
-    return checked_as_written(scene) if changed or size is not None else scene
+        film = {"width": size[0], "height": size[1], "scale": 1.0} | film
+    return checked_as_written(replace(scene, film=replace(scene.film, **film))) if changed or film else scene
+
+
+def smaller(scene: Scene, size: tuple[int, int]) -> Scene:
+    """The validated scene whose film is the whole picture in another size. size: width and height in pixels"""
+    return fitted(checked_as_written(replace(scene, film=scene.film.resized(size))))

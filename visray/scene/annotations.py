@@ -111,6 +111,8 @@ def describe(annotation: Any) -> str:
         inner = bare(args[0])
         if get_origin(inner) is Literal:
             return f"a list of {len(args)} of {', '.join(get_args(inner))}"
+        if inner is int:
+            return f"{len(args)} whole numbers"
         return f"{len(args)} numbers" if inner is float else f"{len(args)} lists of {len(get_args(inner))} numbers"
     return _JSON_NAMES[origin or annotation]
 

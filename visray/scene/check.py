@@ -32,6 +32,7 @@ from visray.scene.animation_values import track_values
 from visray.scene.csg_flaws import named_geometries, operand_flaws, reference_flaws, with_operands
 from visray.scene.data_flaws import data_flaws, geometries_of_data
 from visray.scene.edits import SECTIONS, edited, parts
+from visray.scene.film import film_flaw
 from visray.scene.garbage import uncollected
 from visray.scene.material_flaws import material_flaws
 from visray.scene.messages import MOST, limited, line, lines
@@ -180,12 +181,13 @@ def _joined(entries: dict, known: dict, new: dict) -> dict:
 
 
 def _has_own_flaws(scene: Scene) -> bool:
-    """Whether the camera, a light, a geometry or an object has a flaw that does not depend on other parts of the
-    scene."""
+    """Whether the camera, the film, a light, a geometry or an object has a flaw that does not depend on other parts of
+    the scene."""
     with np.errstate(all="ignore"):
         shapes = *scene.geometries.values(), *scene.objects.values()
         return bool(
             _camera_flaws(scene.camera)
+            or film_flaw(scene.film)
             or any(light.flaws() for light in (scene.lights or {}).values())
             or any(shape.flaws() or transform_flaw(shape.transform) for shape in shapes)
             or any(True for shape in shapes for _ in operand_flaws("", shape))
@@ -261,6 +263,8 @@ def _all_flaws(scene: Scene) -> Iterator[str]:
 def _flaws_at_rest(scene: Scene) -> Iterator[str]:
     """The flaws of a scene, without those of its animation."""
     yield from _camera_flaws(scene.camera)
+    if flaw := film_flaw(scene.film):
+        yield line(*flaw)
     yield from material_flaws(scene)
     for name, light in (scene.lights or {}).items():
         yield from own_flaws(f"lights.{name}", light)

@@ -74,6 +74,8 @@ def edited(scene: Scene, assignments: Mapping[str, Any]) -> dict[str, Any]:
         _value_at(raw, address)
         if address == "camera.type" and isinstance(new, str) and new in cameras.BY_TYPE:
             raw = raw | {"camera": cameras.retyped(raw["camera"], new)}
+        elif address == "film.filter.type":
+            raw = raw | {"film": raw["film"] | {"filter": {"type": python_number(new)}}}
         else:
             raw = with_value(raw, address.split("."), _without_instances(new))
     return raw

@@ -14,6 +14,7 @@ from visray.data.data_scene import Data
 from visray.data.layer import DataLayer, RowEdit
 from visray.data.legend import Legend
 from visray.data.size_rule import SizeRule
+from visray.filters import GaussianFilter, MitchellFilter, ReconstructionFilter
 from visray.lights.light import AreaLight
 from visray.materials import Material
 from visray.modes import MODES
@@ -23,7 +24,8 @@ from visray.primitives.instance import Instance
 from visray.primitives.mesh import FitBox, Mesh
 from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import Primitive
-from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
+from visray.scene.film import Film
+from visray.scene.scene import Occlusion, Scatter, Scene, Settings
 from visray.textures import ImageTexture, Texture
 from visray.transforms import Matrix, Rotate, Scale
 
@@ -52,7 +54,13 @@ MEANINGS: dict[type, dict[str, str]] = {
         "width": "pixels, > 0",
         "height": "pixels, > 0",
         "transparent": "whether the background is left out; layer A is then the coverage",
+        "filter": "how light near a pixel's centre counts in the pixel: the name of a filter, or its fields",
+        "region": "the part of the picture that is rendered: left, top, right and bottom edge in pixels; null: all",
+        "scale": "multiplies width and height, from above 0 to 1000",
     },
+    ReconstructionFilter: {"radius": "pixels from the pixel's centre, from 0.1 to 16"},
+    GaussianFilter: {"sigma": "standard deviation in pixels, from 0.05 to 16"},
+    MitchellFilter: {"b": "how much is blurred, from 0 to 1", "c": "how much is sharpened, from 0 to 1"},
     Settings: {
         "spp": "samples per pixel, > 0",
         "seed": "a whole number from 0 to 4294967295; another seed gives other noise",

@@ -147,9 +147,9 @@ def _locate(loc: tuple, root: type = Scene) -> _Place:
 
 
 def _value(raw: Any, address: tuple) -> Any:
-    """Value at an address."""
+    """Value at an address. A number that stands for several, such as the scale of a texture, is the value of each."""
     for part in address:
-        raw = raw[part]
+        raw = raw[part] if isinstance(raw, (dict, list, tuple)) else raw
     return raw
 
 

@@ -22,26 +22,15 @@ from visray.primitives.csg_operands import has_operands, materials_of, operands
 from visray.primitives.csg_resolved import resolved
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
-from visray.quantities import Color, Count, Length, Name
+from visray.quantities import Color, Length, Name
 from visray.records import record_kind
 from visray.scene.building import Buildable
+from visray.scene.film import Film
 from visray.scene.naming import with_named_entries
 
 # Name of the material of objects that name none.
 DEFAULT_MATERIAL = "default"
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
-
-
-@record_kind
-@dataclass(frozen=True, kw_only=True)
-class Film:
-    """Size of the picture in pixels. If the film is `transparent`, the background is left out, and layer A contains the
-    coverage (alpha) of each pixel: the share of it that shows objects."""
-
-    __pydantic_config__ = STRICT
-    width: Count = field(default=640, kw_only=False)
-    height: Count = field(default=480, kw_only=False)
-    transparent: Annotated[bool, Field(strict=True)] = False
 
 
 @record_kind

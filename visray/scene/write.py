@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from visray import camera as cameras
-from visray import lights, primitives, textures
+from visray import filters, lights, primitives, textures
 from visray.animation import kinds as tracks
 from visray.animation.animation import Animation
 from visray.animation.ellipse import Ellipse
@@ -34,8 +34,9 @@ from visray.primitives.mesh import FitBox
 from visray.quantities import quantities
 from visray.scene.check import checked
 from visray.scene.files import WITH_FILES, OutsideWarning, is_below
+from visray.scene.film import Film
 from visray.scene.meanings import MEANINGS
-from visray.scene.scene import ADAPTER, Film, Occlusion, Scatter, Scene, Settings, SkyGradient
+from visray.scene.scene import ADAPTER, Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.scene.source import read
 from visray.transforms import STEPS
 
@@ -50,6 +51,7 @@ TYPED = (
     Ball,
     Block,
     *bases.KINDS,
+    *filters.KINDS,
     *tracks.KINDS[1:],
 )
 ANIMATION = (Animation, Ellipse, tracks.KINDS[0])

@@ -27,7 +27,7 @@ from typing import Any
 from visray.errors import UserError
 from visray.explaining import explain
 from visray.progress import Bar, Interrupts
-from visray.scene.adjusted import adjusted
+from visray.scene.adjusted import adjusted, smaller
 from visray.scene.scene import Scene
 from visray.setup import prepare
 from visray.study.alternation import Alternation
@@ -52,14 +52,14 @@ def cost(scene: Scene, spp: int | None = None, runs: int = RUNS, progress: bool 
     """
     if not isinstance(runs, int) or runs < FEWEST_RUNS:
         raise UserError(f"runs = {runs}: must be a whole number, at least {FEWEST_RUNS}, for the spread of a median")
-    small = adjusted(scene, spp=spp, size=reduced_size(scene.film.width, scene.film.height))
+    small = adjusted(smaller(scene, reduced_size(*scene.film.size)), spp=spp)
     explanation = explain(small)
     with Interrupts() as interrupts:
         fitting = fitting_samples(small)
         small = adjusted(small, spp=spp or fitting)
         costs, total = _measured(small, explanation.names(), runs, progress, interrupts)
     film = small.film
-    return Report(scene.hash(), film.width, film.height, small.settings.spp, runs, explanation.listed, costs, total)
+    return Report(scene.hash(), *film.raster, small.settings.spp, runs, explanation.listed, costs, total)
 
 
 def fitting_samples(scene: Scene) -> int:

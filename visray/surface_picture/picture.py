@@ -7,7 +7,8 @@ import numpy as np
 
 from visray.errors import UserError
 from visray.quantities import FARTHEST
-from visray.scene.scene import Film, Occlusion, Scene, Settings
+from visray.scene.film import Film
+from visray.scene.scene import Occlusion, Scene, Settings
 from visray.surface_picture.clip import Cut, clip_for, facts
 from visray.surface_picture.field import Field
 from visray.surface_picture.look import AMBIENT_LIGHT, BACKGROUND, RIG, materials, side

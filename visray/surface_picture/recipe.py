@@ -70,8 +70,7 @@ def recipe_of(scene: Scene) -> Recipe | None:
     made = isinstance(shape, Polynomial) and isinstance(shape.clip, Ball) and {"key", "fill"} <= set(scene.lights)
     if not made or not {OUTSIDE, INSIDE} <= set(scene.materials) or not (shape.surface or shape.expression):
         return None
-    size = scene.film.width, scene.film.height
-    return Recipe(shape.surface or shape.expression, dict(shape.parameters), Wishes(size))
+    return Recipe(shape.surface or shape.expression, dict(shape.parameters), Wishes(scene.film.size))
 
 
 def fitted_values(scene: Scene, wanted: Scene) -> dict[str, Any]:

@@ -43,7 +43,7 @@ def surface_scene(
     if clip is not None and (isinstance(clip, bool) or not isinstance(clip, (int, float))):
         raise UserError(f"clip = {shown(clip)}: must be a number greater than 0")
     wishes = Wishes(
-        size=(film.width, film.height),
+        size=film.size,
         clip=clip,
         towards=_triple("view", view),
         color=_triple("color", color),

@@ -22,7 +22,7 @@ from visray.errors import UserError
 from visray.film import Film
 from visray.progress import Bar, Interrupts
 from visray.sampling import SamplePlan
-from visray.scene.adjusted import adjusted
+from visray.scene.adjusted import smaller
 from visray.scene.scene import Scene
 from visray.setup import Prepared, arrays, prepare
 from visray.study.cost.knobs import Choice
@@ -84,7 +84,7 @@ def band(values: Sequence[float]) -> Band:
 
 def reduced(scene: Scene, longest: int) -> Scene:
     """The scene with a smaller film, the longer side at most so many pixels."""
-    return adjusted(scene, size=reduced_size(scene.film.width, scene.film.height, longest))
+    return smaller(scene, reduced_size(*scene.film.size, longest))
 
 
 def blank(prepared: Prepared, pictures: int) -> Film:
@@ -119,7 +119,7 @@ def developed(prepared: Prepared, film: Film, pictures: int, kind: type = np.flo
     pixels[:, prepared.order] = flat.transpose(1, 2, 0)
     if not np.isfinite(pixels).all():
         raise UserError("a pixel is not a number: render the picture, which says where")
-    return pixels.reshape(pictures, prepared.scene.film.height, prepared.scene.film.width, 3)
+    return pixels.reshape(pictures, *prepared.scene.film.raster[::-1], 3)
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ class Studio:
         film, steps = self.scene.film, 0
         while needed * STEP ** (2 * steps) > BEYOND * budget:
             steps += 1
-        longest = max(film.width, film.height)
+        longest = max(film.size)
         smaller = max(SMALLEST, round(longest * STEP**steps))
         if smaller >= longest:
             return self, choices

@@ -167,8 +167,8 @@ def studied(
     return Study(
         scene="",
         scene_hash=scene.hash(),
-        width=small.film.width,
-        height=small.film.height,
+        width=small.film.raster[0],
+        height=small.film.raster[1],
         seeds=len(points[0].squares),
         quick=quick,
         default=points[0],

@@ -123,7 +123,7 @@ class Tuned:
     def table(self) -> Table:
         """The result for the terminal: settings, error, time, and reasons."""
         film = self.scene.film
-        title = f"{film.width} x {film.height} pixels: " + ("as asked" if self.met else "not quite as asked")
+        title = "{} x {} pixels: ".format(*film.raster) + ("as asked" if self.met else "not quite as asked")
         rows = Table(title=title, caption="\n".join(f"- {r}" for r in self.reasons), caption_justify="left")
         rows.add_column("")
         for name in ("the scene", "tuned"):

@@ -12,7 +12,7 @@ from visray.geometry import gamma
 from visray.output.image import Image
 from visray.primitives.primitive import MitsubaShapes
 from visray.progress import Bar
-from visray.scene.adjusted import adjusted
+from visray.scene.adjusted import smaller
 from visray.scene.scene import Scene
 from visray.study.mitsuba import area_shadows, coloured_shadows, media, shadows
 from visray.study.mitsuba.mitsuba_scene import MitsubaScene
@@ -73,8 +73,8 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
         bar.update(6)
         of_media, media_examples, media_notes = media.compare(whole, other or whole, seed)
     return Report(
-        width=scene.film.width,
-        height=scene.film.height,
+        width=scene.film.size[0],
+        height=scene.film.size[1],
         seed=seed,
         objects=len(shapes),
         left_out=left_out,
@@ -117,14 +117,14 @@ def _reduced(scene: Scene) -> tuple[Scene, list[str]]:
     Small enough: the longer side has at most LONGEST_SIDE pixels, and all pixels together need at most about
     MOST_SHADOW_RAYS shadow rays.
     """
-    size = np.array([scene.film.width, scene.film.height])
+    size = np.array(scene.film.size)
     shadow_rays = len(scene.lights) * size.prod()
     scale = min(LONGEST_SIDE / size.max(), np.sqrt(MOST_SHADOW_RAYS / max(shadow_rays, 1)))
     if scale >= 1:
         return scene, []
     small = tuple(max(1, round(side * scale)) for side in size.tolist())
     note = f"checked at {small[0]} x {small[1]} pixels instead of {size[0]} x {size[1]}"
-    return adjusted(scene, size=small), [note]
+    return smaller(scene, small), [note]
 
 
 def _compare_pictures(
@@ -171,7 +171,7 @@ def _compare_pictures(
         rms=float(rms / scale if scale else rms),
         most=float(np.abs(difference).max(initial=0.0)),
     )
-    shape = (scene.film.height, scene.film.width)
+    shape = scene.film.size[::-1]
     colours = {"RGB": our_colours - their_colours, "visray": our_colours, "mitsuba": their_colours}
     layers = {name: v.reshape(*shape, 3).astype(np.float32) for name, v in colours.items()}
     layers["compared"] = compared.reshape(shape).astype(np.float32)

@@ -107,8 +107,8 @@ class VisrayScene:
 
     def pixel_rays(self) -> Rays:
         """Camera rays through the centres of all pixels, in the order of the film's rows."""
-        film = self.prepared.scene.film
-        y, x = np.divmod(np.arange(film.width * film.height, dtype=np.uint32), np.uint32(film.width))
+        width, height = self.prepared.scene.film.size
+        y, x = np.divmod(np.arange(width * height, dtype=np.uint32), np.uint32(width))
         ray = integrator.camera_ray(self.kernel, self.a.F(x) + 0.5, self.a.F(y) + 0.5)
         o = np.zeros((1, 3)) if self.kernel.origin else to_numpy(ray.o) - self.centre
         d = np.broadcast_to(to_numpy(ray.d), (len(x), 3))

@@ -40,13 +40,14 @@ BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 def why(scene: Scene | Prepared | str | Path, x: int, y: int) -> PixelStory:
     """Why a pixel has its colour: what is hit, what becomes of each light, and what is reflected and refracted.
 
-    x, y: column and row of the pixel, from 0, 0 at the top left.
+    x, y: column and row of the pixel in the whole picture, from 0, 0 at the top left.
 
-    The story is that of one sample in the pixel's centre, without the blur of a lens. `print` shows it as text.
+    The story is that of one sample in the pixel's centre, without the blur of a lens or a filter. `print` shows it as
+    text.
     """
     prepared = scene if isinstance(scene, Prepared) else prepare(scene)
     film = prepared.scene.film
-    for name, value, size in (("x", x, film.width), ("y", y, film.height)):
+    for name, value, size in (("x", x, film.size[0]), ("y", y, film.size[1])):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 0 <= value < size:
             raise UserError(f"{name} = {value!r}: must be a whole number from 0 to {size - 1}, as the film has {size}")
     return _Walk(prepared, int(x), int(y)).story()

@@ -31,6 +31,7 @@ from machine import machine
 from PIL import Image
 from report import report_parser, write_report
 
+from visray import filters
 from visray.passes import expose
 from visray.setup import Prepared, prepare
 from visray.study.timed_picture import UncachedPicture
@@ -90,6 +91,11 @@ def settings(**fields: object) -> Change:
     return lambda s: replace(s, settings=replace(s.settings, **fields))
 
 
+def filtered(kind: str) -> Change:
+    """A change of the filter of pixels. kind: its name"""
+    return lambda s: vr.replaced(s, "film.filter", kind)
+
+
 def floor(texture: object) -> Change:
     """A change that puts a texture on the floor."""
     grey = vr.Material(texture="t")
@@ -116,6 +122,7 @@ def changes(picture: str) -> dict[str, Change]:
         "checkered floor": floor(vr.CheckerTexture()),
         "picture on the floor": floor(vr.ImageTexture(file=picture, filter="nearest")),
         "blended picture on the floor": floor(vr.ImageTexture(file=picture)),
+        **{f"filter {kind.type}": filtered(kind.type) for kind in filters.KINDS if kind is not filters.BoxFilter},
         "lens": lambda s: replace(s, camera=replace(s.camera, aperture=0.2)),
         "coloured shadows": both(balls(kt=HALF), settings(depth=0)),
         "balls are mirrors": balls(kr=HALF),

@@ -651,7 +651,30 @@ def live() -> list[str]:
     return [*lines, *prose(measured(report["machine"], "bench_live"))]
 
 
+def film() -> list[str]:
+    """Lines with the error of each filter of pixels."""
+    report = loaded("film_filters")
+    samplers = list(report["errors"]["box"])
+    rows = [
+        [
+            f"`{name}`",
+            *(f"{100 * row[s]:.2f} %" for s in samplers),
+            f"{row['sobol'] / report['errors']['box']['sobol']:.1f}",
+        ]
+        for name, row in report["errors"].items()
+    ]
+    return [
+        *prose(
+            f"Error of a matte scene with {report['spp']} samples per pixel, against {report['true_spp']} samples with "
+            "the same filter, for each sampler:"
+        ),
+        *table(["filter", *(f"`{s}`" for s in samplers), "`sobol`, times that of the box"], rows),
+        *measured(report, "film_filters", "\n").split("\n"),
+    ]
+
+
 FIGURES = {
+    "film": film,
     "cluster_costs": cluster_costs,
     "cluster_jobs": cluster_jobs,
     "layers": layer_records,

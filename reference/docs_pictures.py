@@ -3,6 +3,7 @@
     python reference/docs_pictures.py                    # the scenes of the pages, and the gallery
     python reference/docs_pictures.py bowl everything    # only these files of scenes/
     python reference/docs_pictures.py barth-turn blur    # strips of animated scenes, and sharp beside blurred
+    python reference/docs_pictures.py film-filters       # fine stripes with each filter of pixels
     python reference/docs_pictures.py surfaces           # the contact sheet of the known surfaces
     python reference/docs_pictures.py surface            # surfaces of formulas side by side
 
@@ -13,11 +14,13 @@ import re
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
 
 import visray as vr
+from visray import filters
 from visray.surface_picture.sheet import contact_sheet
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -61,6 +64,8 @@ SCENES = {
     "legends": ("docs/legends.md", 0, "--size 720x450 --spp 64 --allow-outside"),
 }
 
+# Pictures of filters: their size, and how often each pixel is shown along x and y.
+STRIPES_SIZE, ENLARGED = (76, 64), 3
 # The contact sheet of the known surfaces: size and columns of its pictures, and their samples per pixel.
 SHEET_SIZE, SHEET_COLUMNS, SHEET_SPP = (144, 144), 8, 400
 
@@ -137,6 +142,26 @@ def formulas() -> None:
     beside("surface", [vr.render(scene, spp=64, layers=("RGB",)) for scene in scenes])
 
 
+def stripes() -> vr.Scene:
+    """A floor with fine stripes that run to the horizon."""
+    floor = vr.Rectangle(center=(0, 0, -20), width=(200, 0, 0), height=(0, 0, -60))
+    return vr.Scene(
+        camera=vr.Camera(origin=(0, 1, 6), target=(0, 0.3, 0), fov=30.0),
+        film=vr.Film(width=STRIPES_SIZE[0], height=STRIPES_SIZE[1]),
+        textures={"lines": vr.CheckerTexture(a=(0.9, 0.9, 0.9), b=(0.02, 0.02, 0.02), scale=(400.0, 0.0))},
+        materials={"paint": vr.Material(texture="lines", shading="unlit")},
+        objects={"floor": replace(floor, material="paint")},
+        background=(0.3, 0.4, 0.6),
+    )
+
+
+def film_filters() -> None:
+    """Renders fine stripes with each filter, side by side and enlarged, so that single pixels are seen."""
+    scenes = [vr.replaced(stripes(), "film.filter", kind.type) for kind in filters.KINDS]
+    shown = [vr.render(scene, spp=256, layers=("RGB",)) for scene in scenes]
+    beside("film-filters", [vr.Image({"RGB": x["RGB"].repeat(ENLARGED, 0).repeat(ENLARGED, 1)}) for x in shown])
+
+
 def surfaces() -> None:
     """Makes the contact sheet of the known surfaces."""
     target = DOCS / "surfaces.png"
@@ -163,8 +188,10 @@ def beside(name: str, images: list[vr.Image]) -> None:
 if __name__ == "__main__":
     if len(sys.argv) == 1:
         scenes_of_pages()
-    for scene_name in sys.argv[1:] or (*GALLERY, *STRIPS, "blur", "surface", "surfaces"):
-        if own := {"blur": blur, "surface": formulas, "surfaces": surfaces}.get(scene_name):
+    for scene_name in sys.argv[1:] or (*GALLERY, *STRIPS, "blur", "film-filters", "surface", "surfaces"):
+        if own := {"blur": blur, "film-filters": film_filters, "surface": formulas, "surfaces": surfaces}.get(
+            scene_name
+        ):
             own()
         else:
             (strip if scene_name in STRIPS else picture)(scene_name)

@@ -68,7 +68,8 @@ def absolute_share(f: filters.ReconstructionFilter, x: np.ndarray) -> np.ndarray
 @pytest.mark.parametrize("f", SOME, ids=ids)
 def test_the_distribution_of_places_is_that_of_the_filter(f):
     x = np.linspace(-f.radius, f.radius, 40_001)
-    assert np.abs(f.share(x + 0.5) - absolute_share(f, x)).max() <= 5e-5
+    off = np.abs(f.share(x + 0.5) - absolute_share(f, x)).max()
+    assert off <= 0.5 / filters.PARTS and (off <= 5e-5 or f not in [kind() for kind in filters.KINDS])
     assert (f.share(np.array([-99.0, 0.5 - f.radius, 0.5, 0.5 + f.radius, 99.0])) == [0, 0, 0.5, 1, 1]).all()
 
 
@@ -82,24 +83,40 @@ def test_kernels_invert_the_distribution(f):
     assert np.abs(f.share(x) - u).max() < 1e-9
 
 
-@pytest.mark.parametrize("f", [f for f in SOME if f.may_be_negative], ids=lambda f: f"{f.b:.2g}-{f.c:.2g}")
-def test_weights_and_places_of_a_filter_with_signs(f):
-    """By turns, as by signs of the two numbers: the mean of the weights up to a place is the filter's own integral up
-    to it. Of 16 even turns, as many are negative, and their weights add up to 16."""
-    made, n = f.prepared(A), 512
-    u, v = (x.ravel() for x in np.meshgrid(*[(np.arange(n) + 0.5) / n] * 2))
-    turns = (np.arange(16) + 0.5) / 16
-    weights = np.array(made.weight(None, None, A.F(turns)))
-    assert weights.sum() == pytest.approx(16, abs=1e-9)
-    some = np.array([-1.5, -0.4, 0.0, 0.3, 1.2]) * f.radius / 2
-    expected = signed_share(f, some)
-    for turn in (None, A.F((np.random.default_rng(1).permutation(n * n) + 0.5) / n**2)):
-        x, y = (np.array(p) - 0.5 for p in made.places(A.F(u), A.F(v), turn))
-        weight = np.array(made.weight(A.F(u), A.F(v), turn))
-        assert weight.mean() == pytest.approx(1, abs=2e-3)
-        for a, share_a in zip(some, expected):
-            for b, share_b in zip(some, expected):
-                assert (weight * (x < a) * (y < b)).mean() == pytest.approx(share_a * share_b, abs=4e-3)
+SIGNED = [f for f in SOME if f.may_be_negative]
+
+
+@pytest.mark.parametrize("f", SIGNED, ids=lambda f: f"{f.b:.2g}-{f.c:.2g}")
+def test_signs_that_turns_choose_have_no_bias(f):
+    """The mean of the weights of places up to x = a and y = b is the filter's integral up to there: the sum over the
+    signs of both functions, each with its probability. Of 16 even turns the weights add up to 16."""
+    made, u = f.prepared(A), (np.arange(2**17) + 0.5) / 2**17
+    chance, both = (float(np.array(x)[0]) for x in (made.chance, made.both))
+    some = np.array([-1.5, -0.4, 0.0, 0.3, 1.2, 2.0]) * f.radius / 2
+    total = np.zeros((len(some), len(some)))
+    parts = {chance / 4: chance / 2, 3 * chance / 4: chance / 2, chance + both / 2: both, 1.0: 1 - chance - both}
+    for turn, probability in parts.items():
+        if probability == 0:
+            continue
+        turn = A.F(turn)
+        x, y = (np.array(p) - 0.5 for p in made.places(A.F(u), A.F(u), turn))
+        up_to_a, up_to_b = ((v[:, None] <= some).mean(0) for v in (x, y))
+        total += probability * float(np.array(made.weight(None, None, turn))[0]) * np.outer(up_to_a, up_to_b)
+    share = signed_share(f, some)
+    assert np.abs(total - np.outer(share, share)).max() < 3e-4
+    turns = np.array(made.weight(None, None, A.F((np.arange(16) + 0.5) / 16)))
+    assert turns.sum() == pytest.approx(16, abs=1e-9)
+
+
+@pytest.mark.parametrize("f", SIGNED, ids=lambda f: f"{f.b:.2g}-{f.c:.2g}")
+def test_signs_that_places_choose_have_no_bias(f):
+    """As the test before, along x, with y in the middle, where the function is positive."""
+    made, u = f.prepared(A), (np.arange(2**17) + 0.5) / 2**17
+    x, _ = made.places(A.F(u), A.F(0.5), None)
+    weight = np.array(made.weight(A.F(u), A.F(0.5), None)) / sqrt(np.array(made.size)[0])
+    some = np.array([-1.5, -0.4, 0.0, 0.3, 1.2, 2.0]) * f.radius / 2
+    found = (weight[:, None] * (np.array(x)[:, None] - 0.5 <= some)).mean(0)
+    assert np.abs(found - signed_share(f, some)).max() < 3e-4
 
 
 EDGE = 0.3
@@ -120,13 +137,14 @@ def edge(f: filters.ReconstructionFilter, sampler: str = "sobol", spp: int = 409
 @pytest.mark.parametrize("f", SOME, ids=ids)
 def test_an_edge_is_that_of_the_closed_form(f):
     """Colour, and coverage of a transparent film, which leaves the range from 0 to 1 where the filter is negative."""
-    image = vr.render(edge(f, transparent=True), layers=("RGB", "A"), progress=False)
+    spp = 2**19 if f.may_be_negative else 4096  # signs are noise at edges
+    image = vr.render(edge(f, spp=spp, transparent=True), layers=("RGB", "A"), progress=False)
     # The edge is at x = 6 + EDGE of the picture.
     expected = 1 - signed_share(f, 6 + EDGE - (np.arange(12) + 0.5))
     for values in (image["RGB"][..., 0], image["A"]):
         assert np.abs(values - expected).max() < 2e-3
     if f == filters.MitchellFilter():
-        assert image["A"].min() < -0.02 and image["A"].max() > 1.02
+        assert image["A"].min() < 0 and image["A"].max() > 1
         assert image.display().dtype == np.uint8
 
 
@@ -167,6 +185,7 @@ def rgb(scene: vr.Scene, **more) -> np.ndarray:
     return vr.render(scene, layers="RGB", progress=False, **more)["RGB"]
 
 
+@pytest.mark.slow
 def test_the_default_is_the_square_bit_for_bit_with_the_code_of_filters_too():
     plain = vr.prepare(ball())
     forced = vr.setup.prepare(plain.scene, everything=True)

@@ -105,6 +105,7 @@ def test_files_say_where_a_region_is(tmp_path):
     assert "region" not in vr.Image.read(tmp_path / "c.exr").metadata
 
 
+@pytest.mark.slow
 def test_a_legend_of_a_region_is_a_part_of_that_of_the_whole(tmp_path):
     (tmp_path / "t.csv").write_text("lon,lat,rain\n10,50,3\n20,45,7\n5,40,1\n")
     made = vr.data_scene(tmp_path / "t.csv", size=(400, 300), spp=1)
@@ -153,7 +154,7 @@ def test_wrong_regions_are_refused(region):
 @pytest.mark.parametrize(
     "raw, text",
     [
-        ({"region": (1, 2, 3)}, "film.region = [1, 2, 3]: must be 4 whole numbers or null"),
+        ({"region": (1, 2, 3)}, "film.region = [1, 2, 3]: must be 4 whole numbers"),
         ({"region": (1.5, 2, 3, 4)}, "film.region.0 = 1.5: must be a whole number"),
         ({"scale": 0}, "film.scale = 0: must be greater than 0"),
         ({"scale": 1e9}, "film.scale = 1000000000.0: must be at most 1000"),

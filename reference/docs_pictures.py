@@ -152,6 +152,7 @@ def stripes() -> vr.Scene:
         materials={"paint": vr.Material(texture="lines", shading="unlit")},
         objects={"floor": replace(floor, material="paint")},
         background=(0.3, 0.4, 0.6),
+        lights={},
     )
 
 

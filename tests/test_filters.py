@@ -159,7 +159,7 @@ def test_flat_areas_have_no_noise_with_16_samples(sampler):
 
 @pytest.mark.parametrize("kind", filters.KINDS)
 def test_the_filter_is_known_to_explain_and_by_its_name(kind):
-    scene = vr.replaced(vr.Scene(), "film.filter", kind.type)
+    scene = vr.replaced(vr.Scene(camera=vr.Camera(), lights={}), "film.filter", kind.type)
     assert scene.film.filter == kind()
     (found,) = (f for f in vr.explain(scene).listed if f.name == "filter")
     assert found.on == (kind() != filters.SQUARE)
@@ -174,6 +174,7 @@ def test_the_filter_is_known_to_explain_and_by_its_name(kind):
 
 def ball(**film) -> vr.Scene:
     return vr.Scene(
+        camera=vr.Camera(),
         film=vr.Film(width=24, height=16, **film),
         lights={"key": vr.PointLight(position=(3, 4, 5))},
         objects={"ball": vr.Sphere(), "floor": vr.Plane(point=(0, -1, 0))},
@@ -229,7 +230,9 @@ def test_lists_find_what_lies_beyond_the_pictures_edges(camera, kind):
 def test_derivatives_are_those_of_differences(kind, light):
     """In one loop over samples, and in waves of paths; forward and reverse."""
     scene = replace(
-        vr.Scene(film=vr.Film(width=6, height=4, filter=kind(radius=1.4)), settings=vr.Settings(spp=5)),
+        vr.Scene(
+            camera=vr.Camera(), film=vr.Film(width=6, height=4, filter=kind(radius=1.4)), settings=vr.Settings(spp=5)
+        ),
         lights={"key": light},
         materials={"red": vr.Material(kd=(0.8, 0.2, 0.1))},
         objects={"ball": vr.Sphere(radius=3.0, material="red")},
@@ -304,7 +307,7 @@ ALL = f"(one of {', '.join(filters.BY_TYPE)})"
 ])  # fmt: skip
 def test_wrong_filters_are_refused(raw, text):
     with pytest.raises(vr.UserError) as error:
-        vr.replaced(vr.Scene(), "film.filter", raw)
+        vr.replaced(vr.Scene(camera=vr.Camera(), lights={}), "film.filter", raw)
     assert error.value.lines == (text,)
 
 

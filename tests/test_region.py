@@ -19,6 +19,7 @@ CROP = np.s_[TOP:BOTTOM, LEFT:RIGHT]
 
 def scene(sampler: str = "stratified", **film) -> vr.Scene:
     return vr.Scene(
+        camera=vr.Camera(),
         film=vr.Film(**({"width": 24, "height": 16} | film)),
         lights={"key": vr.SphereLight(position=(3, 4, 5), radius=0.5, samples=2)},
         materials={"glass": vr.Material(kt=(0.8, 0.8, 0.8), ior=1.5), "mirror": vr.Material(kr=(0.5, 0.5, 0.5))},
@@ -162,13 +163,13 @@ def test_wrong_regions_are_refused(region):
 )
 def test_wrong_films_are_refused(raw, text):
     with pytest.raises(vr.UserError) as error:
-        vr.replaced(vr.Scene(), f"film.{next(iter(raw))}", next(iter(raw.values())))
+        vr.replaced(vr.Scene(camera=vr.Camera(), lights={}), f"film.{next(iter(raw))}", next(iter(raw.values())))
     assert error.value.lines == (text,)
 
 
 def test_a_scale_beyond_memory_is_refused():
     with pytest.raises(vr.UserError, match=r"^film = 640000 x 480000: needs about .* GiB"):
-        render(vr.replaced(vr.Scene(), "film.scale", 1000))
+        render(vr.replaced(vr.Scene(camera=vr.Camera(), lights={}), "film.scale", 1000))
 
 
 def test_a_pixels_story_counts_in_the_whole_picture():

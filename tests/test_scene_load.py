@@ -37,7 +37,8 @@ KINDS, LIGHTS = (
 )
 TEXTURES = "image, checker"
 MATERIAL = (
-    "ka, kd, ks, shininess, kr, kt, ior, dmax, absorption, fresnel, priority, texture, textured, shading, colored, back"
+    "color, ka, kd, ks, shininess, kr, kt, ior, dmax, absorption, fresnel, priority, texture, textured, shading, "
+    "colored, back"
 )
 
 

@@ -825,8 +825,8 @@ def test_a_texture_colours_what_only_ambient_light_reaches() -> None:
     assert np.allclose(picture(AMBIENT), glow * ka * SQUARES, rtol=4 * 2.0**-23)
     kept = {"m": replace(AMBIENT.materials["m"], textured="kd")}
     assert np.allclose(picture(AMBIENT, materials=kept), np.broadcast_to(glow * ka, (2, 2, 3)), rtol=4 * 2.0**-23)
-    # A default that is written out changes nothing.
-    left_out, written = ({"m": Material(texture="squares", **ka)} for ka in ({}, {"ka": (0.1, 0.1, 0.1)}))
+    # Without a ka, the texture is the ambient colour.
+    left_out, written = ({"m": Material(texture="squares", **ka)} for ka in ({}, {"ka": (1.0, 1.0, 1.0)}))
     assert np.array_equal(picture(AMBIENT, materials=left_out), picture(AMBIENT, materials=written))
 
 

@@ -151,6 +151,9 @@ class AddressIndex:
         name, field, rest: parts of the address behind the section
         """
         materials, table = materials_of(self.scene), self.packed.materials
+        if field == "color" and materials[name].ka is not None:
+            raise UserError(f"{address}: has no derivative, as it also sets ka, which is written here; name kd")
+        field = "kd" if field == "color" else field
         if field not in quantities(type(table)):
             known = ", ".join(quantities(type(table)))
             raise UserError(f"{address}: has no derivative; those of materials are {known}")

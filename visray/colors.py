@@ -86,6 +86,28 @@ def looks_like_bytes(color: tuple[float, ...]) -> bool:
     return LIKE_BYTES <= max(color) <= 255 and min(color) >= 0
 
 
+def color_as_picked(color: Any) -> tuple[float, float, float]:
+    """The colour in linear light of what the field `color` of a material may be: a text, three numbers from 0 to 255 as
+    colour pickers give them (sRGB), or one number from 0 to 1, which is grey in linear light. Raises ValueError if it
+    is none of these."""
+    color = color.tolist() if isinstance(color, np.ndarray) else color
+    if isinstance(color, str):
+        return color_of_text(color)
+    if is_number(color):
+        if not 0 <= color <= 1:
+            raise ValueError("must be from 0 to 1, as one number is grey in linear light; a screen's numbers are three")
+        return (float(color),) * 3
+    if not (isinstance(color, (tuple, list)) and len(color) == 3 and all(map(is_number, color))):
+        raise ValueError(f"is no colour; write {TEXTS}, three numbers from 0 to 255, or one number from 0 to 1")
+    if not all(0 <= x <= 255 for x in color):
+        raise ValueError("must be three numbers from 0 to 255")
+    if 0 < max(color) <= 1:
+        own, screen = ", ".join(f"{x:.6g}" for x in color), [round(255 * x) for x in color]
+        ways = f'"kd": [{own}] in linear light, or "color": {screen} for a colour of a screen'
+        raise ValueError(f"has three numbers from 0 to 255, and these are not above 1; write {ways}")
+    return from_bytes(color)
+
+
 def _text_flaw(text: str) -> str:
     """What is wrong with a text that spells no colour, and what would be right."""
     if text.startswith("#"):

@@ -13,6 +13,7 @@ from visray.number_table import NumberTable
 from visray.passes import expose
 from visray.scene import address as addresses
 from visray.scene.adjusted import adjusted
+from visray.scene.edits import canonical
 from visray.scene.scene import Scene
 from visray.setup import prepare
 
@@ -41,6 +42,10 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
         raise UserError(f"step = {shown(step)}: must be a finite number above 0, such as 1e-6")
     scene = still_at(adjusted(scene, precision="double", spp=spp), None)
     value = addresses.value(scene, address)
+    kd = canonical(address)
+    if kd != address and addresses.value(scene, kd.partition(".kd")[0]).ka is not None:
+        raise UserError(f"{address}: has no derivative, as it also sets ka, which is written here; name kd")
+    address = kd
     if value is None:
         raise UserError(f"{address}: is null, so that there is no number of its own to change")
     value = np.array(value.values if isinstance(value, NumberTable) else value, float)

@@ -13,6 +13,10 @@ class UserError(Exception):
         self.lines = lines
 
 
+class FieldError(UserError, ValueError):
+    """An error of the fields of a record. Where a file is read, its address is added."""
+
+
 class ClusterLost(UserError):
     """The scheduler of a cluster or all its workers are lost in the middle of a job. What is done is kept."""
 

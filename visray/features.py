@@ -21,6 +21,7 @@ from visray.feature_rules import (
     used_materials,
 )
 from visray.mesh_report import MeshFacts
+from visray.scene.edits import canonical
 from visray.scene.scene import Scene
 
 
@@ -105,7 +106,7 @@ Wrt = dict[str, tuple[str, ...]]
 
 def _fields_of(address: str, scene: Scene) -> tuple[str, ...]:
     """Names of the fields that depend on the number at an address. scene: with the materials as they are written"""
-    parts = [*address.split("."), "", ""]
+    parts = [*canonical(address).split("."), "", ""]
     field = parts[{"materials": 2, "lights": 2, "camera": 1}.get(parts[0], 0)]
     material = scene.materials.get(parts[1]) if parts[0] == "materials" else None
     return ("kd", "ka") if field == "kd" and material is not None and material.ka_is_kd else (field,)

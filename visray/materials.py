@@ -1,12 +1,14 @@
 """Materials: Blinn-Phong reflection, mirrors and refraction, and what a palette colour changes in them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field
 
-from visray.quantities import FARTHEST, Color, Factor, Length, Quantity, Real, Share
+from visray.colors import color_as_picked
+from visray.errors import FieldError
+from visray.quantities import FARTHEST, Color, Factor, Length, PickedColor, Quantity, Real, Share
 from visray.records import record_kind
 from visray.references import MaterialName, TextureName
 
@@ -15,6 +17,8 @@ RefractiveIndex = Annotated[
 ]
 # The fields that a palette colour can change.
 COLORED = ("ka", "kd", "ks", "kr", "kt")
+# The kd of a material that says nothing about it.
+KD = (0.7, 0.7, 0.7)
 # How kr and kt depend on the angle. In kernels, the field `fresnel` is the place in this list.
 FRESNEL = ("none", "dielectric", "metal")
 DIELECTRIC, METAL = 1, 2
@@ -32,6 +36,8 @@ def _once(names: tuple[str, ...]) -> tuple[str, ...]:
 class Material:
     """Blinn-Phong coefficients: ambient `ka`, diffuse `kd`, specular `ks`, and the exponent `shininess`. Without a `ka`
     of its own, a material reflects ambient light as it reflects other light: by kd, or by the colour of its texture.
+    `color` is another way to give kd, as people pick colours: "tomato", "#c33", three numbers from 0 to 255, or one
+    from 0 to 1 for grey in linear light. It is not kept; kd is.
 
     `kr` is the share of light that a mirror reflects (for a metal, its ks). `kt` is the share of light that passes
     through, refracted by the index `ior`; the surface's own colour is then weighted with 1 - kt (settings.local). Light
@@ -63,7 +69,7 @@ class Material:
 
     # The mark of the colour is outside of the union, so that ka is a quantity (quantities.quantities).
     ka: Annotated[Color | None, Quantity(3, "shading", "linear Rec. 709, each >= 0; null: as kd")] = None
-    kd: Color = (0.7, 0.7, 0.7)
+    kd: Color = KD
     ks: Color = (0.0, 0.0, 0.0)
     shininess: Factor = 32.0
     kr: Share = (0.0, 0.0, 0.0)
@@ -79,6 +85,15 @@ class Material:
     shading: Literal["lit", "unlit"] = "lit"
     colored: Annotated[tuple[Literal[COLORED], ...], AfterValidator(_once)] = ("ka", "kd")
     back: MaterialName | None = None
+    color: InitVar[Annotated[Any, PickedColor()]] = None
+
+    def __post_init__(self, color: Any = None) -> None:
+        """Puts `color` into kd. Raises FieldError if there is a kd, too. Domain: it is a colour, or None."""
+        if color is None:
+            return
+        if self.kd is not KD:
+            raise FieldError("color sets kd; write only one of the two")
+        object.__setattr__(self, "kd", color_as_picked(color))
 
     @property
     def keeps_ka(self) -> bool:

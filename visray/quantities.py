@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
-from visray.colors import hexadecimal, is_number, looks_like_bytes, spelled
+from visray.colors import color_as_picked, hexadecimal, is_number, looks_like_bytes, spelled
 
 
 class Quantity(NamedTuple):
@@ -87,6 +87,25 @@ class ColorMark:
 
     def __get_pydantic_json_schema__(self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict:
         return {"anyOf": [handler(schema), {"type": "string"}, {"type": "number", "minimum": 0, "maximum": self.most}]}
+
+
+class PickedColor:
+    """Mark of an input that is a colour as a person picks it (colors.color_as_picked), or None."""
+
+    @staticmethod
+    def checked(color: Any) -> Any:
+        """The colour as it is given. Raises ValueError if it is none."""
+        if color is not None:
+            color_as_picked(color)
+        return color
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.checked)
+
+    def __get_pydantic_json_schema__(self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict:
+        byte = {"type": "number", "minimum": 0, "maximum": 255}
+        triple = {"type": "array", "items": byte, "minItems": 3, "maxItems": 3}
+        return {"anyOf": [{"type": "string"}, triple, {"type": "number", "minimum": 0, "maximum": 1}, {"type": "null"}]}
 
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]

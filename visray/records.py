@@ -12,7 +12,7 @@ that is made of such records gives the entries names (scene/naming.py).
 """
 
 from collections.abc import Callable, Collection
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, InitVar, dataclass, fields
 from functools import cache, wraps
 from typing import Annotated, Any
 
@@ -67,9 +67,10 @@ def record_kind(kind: type) -> type:
         own.update(facts.defaults)
         for name, made in facts.made.items():
             own[name] = made()
+        inputs = {name: given.pop(name, None) for name in facts.inputs}
         own.update(given)
         if facts.has_more:
-            self.__post_init__()
+            self.__post_init__(**inputs)
 
     kind.__init__ = __init__
     kind.__repr__ = record_text
@@ -79,7 +80,7 @@ def record_kind(kind: type) -> type:
 def altered(record: Any, changes: dict[str, Any]) -> Any:
     """A copy of a record with other values in some fields, which are not checked."""
     made = object.__new__(type(record))
-    made.__dict__.update({name: getattr(record, name) for name in record.__dataclass_fields__} | changes)
+    made.__dict__.update({f.name: getattr(record, f.name) for f in fields(record)} | changes)
     if hasattr(made, "__post_init__"):
         made.__post_init__()
     return made
@@ -89,7 +90,9 @@ def altered(record: Any, changes: dict[str, Any]) -> Any:
 class _Facts:
     """What is known of a kind.
 
-    names: names of all fields. by_place: those that are given by place. required: those without a default.
+    names: names of all fields and inputs. by_place: those that are given by place. required: those without a default.
+    inputs: names of what is given, but not kept (dataclasses.InitVar), such as a material's color; the method
+        __post_init__ gets it
     defaults: values of all fields, in order; None for those without a default. made: functions that make the defaults
         of fields which have a new one each time.
     has_more: whether the kind has a method __post_init__
@@ -99,6 +102,7 @@ class _Facts:
 
     names: tuple[str, ...]
     by_place: tuple[str, ...]
+    inputs: tuple[str, ...]
     required: frozenset[str]
     defaults: dict[str, Any]
     made: dict[str, Callable[[], Any]]
@@ -112,15 +116,17 @@ def _facts(kind: type) -> _Facts:
     """What is known of a kind. It is found when a record of the kind is made, because the types of operands are not
     known before (operands.py)."""
     declared = [f for f in fields(kind) if f.init]
+    inputs = {name: f.type.type for name, f in kind.__dataclass_fields__.items() if isinstance(f.type, InitVar)}
     return _Facts(
-        tuple(f.name for f in declared),
+        (*inputs, *(f.name for f in declared)),
         tuple(f.name for f in declared if not f.kw_only),
+        tuple(inputs),
         frozenset(f.name for f in declared if f.default is MISSING and f.default_factory is MISSING),
         {f.name: None if f.default is MISSING else f.default for f in declared},
         {f.name: f.default_factory for f in declared if f.default_factory is not MISSING},
         hasattr(kind, "__post_init__"),
-        _validator({f.name: _without_operands(f.type) for f in declared}),
-        _validator({f.name: _given(f.type) for f in declared}),
+        _validator({f.name: _without_operands(f.type) for f in declared} | inputs),
+        _validator({f.name: _given(f.type) for f in declared} | inputs),
     )
 
 

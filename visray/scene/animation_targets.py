@@ -8,7 +8,7 @@ import numpy as np
 from visray.animation.curves import Sort
 from visray.number_table import NumberTable
 from visray.quantities import NOT_ZERO, Direction, Quantity
-from visray.scene.edits import keys_of, value_at
+from visray.scene.edits import canonical, keys_of, value_at
 from visray.scene.scene import Scene
 from visray.transforms import STEPS, Scale
 
@@ -55,6 +55,8 @@ def _marks(holder: Any, name: str) -> tuple:
 def discrete(scene: Scene, address: str) -> str | None:
     """Reason why the value at an address cannot move; None if it can. Domain: an address of the scene."""
     found = value_at(scene, address)
+    if canonical(address) != address:
+        return f"is another name of {canonical(address)}; move that"
     if address == DATE:
         return None
     if type(found) in STEPS.values() or address.rpartition(".")[2] == "transform" or shape(found) is not None:

@@ -4,7 +4,7 @@ A bare type is a type without Annotated around it, and without a name of its own
 such as Sphere.
 """
 
-from dataclasses import fields, is_dataclass
+from dataclasses import InitVar, fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -76,6 +76,12 @@ def _beginning(annotation: Any) -> str:
     return f"tuple[{_beginning(bare(get_args(annotation)[0]))}" if get_origin(annotation) is tuple else ""
 
 
+def inputs(kind: type) -> list[str]:
+    """Names of all that may be written for a kind: its fields, and what is given in place of them."""
+    own = kind.__dataclass_fields__.values()
+    return [f.name for f in own if isinstance(f.type, InitVar)] + [f.name for f in fields(kind)]
+
+
 def child(annotation: Any, part: Any) -> Any:
     """The type declared for a part of a bare type, or None if the type has no such part.
 
@@ -103,7 +109,7 @@ def describe(annotation: Any) -> str:
     if is_union(annotation):
         return _describe_union(members_of(annotation))
     if is_dataclass(annotation):
-        return f"an object {{...}} with the keys {', '.join(f.name for f in fields(annotation))}"
+        return f"an object {{...}} with the keys {', '.join(inputs(annotation))}"
     args, origin = get_args(annotation), get_origin(annotation)
     if origin is Literal:
         return f"one of {', '.join(args)}"

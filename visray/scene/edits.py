@@ -12,7 +12,8 @@ from typing import Any
 
 from visray import camera as cameras
 from visray import lights, primitives, textures
-from visray.arguments import python_number
+from visray.arguments import python_number, shown
+from visray.colors import color_as_picked
 from visray.data.data_scene import Data
 from visray.data.layer import ROW_NUMBER
 from visray.errors import UserError
@@ -24,6 +25,7 @@ from visray.scene.validated import plain
 from visray.terminal import printable
 
 # The sections of a scene, each with the kinds of its entries.
+COLOR = re.compile(r"(materials\.[^.]+)\.color((?:\..*)?)")
 SECTIONS = {
     "textures": frozenset(textures.KINDS),
     "materials": frozenset((Material,)),
@@ -44,6 +46,11 @@ def _with_instances(section: Any) -> Any:
     if not isinstance(section, dict):
         return plain(section)
     return {name: entry if is_dataclass(type(entry)) else plain(entry) for name, entry in section.items()}
+
+
+def canonical(address: str) -> str:
+    """The address of the field that an address means: materials.red.kd for materials.red.color; else the same."""
+    return COLOR.sub(r"\1.kd\2", address) if COLOR.fullmatch(address) else address
 
 
 def value_at(scene: Scene, address: str) -> Any:
@@ -72,13 +79,27 @@ def edited(scene: Scene, assignments: Mapping[str, Any]) -> dict[str, Any]:
             raw = raw | {"data": _with_row(raw["data"], *_row_edit(scene.data, address), python_number(new))}
             continue
         _value_at(raw, address)
-        if address == "camera.type" and isinstance(new, str) and new in cameras.BY_TYPE:
+        if COLOR.fullmatch(address):
+            raw = _with_color(raw, address, python_number(new))
+        elif address == "camera.type" and isinstance(new, str) and new in cameras.BY_TYPE:
             raw = raw | {"camera": cameras.retyped(raw["camera"], new)}
         elif address == "film.filter.type":
             raw = raw | {"film": raw["film"] | {"filter": {"type": python_number(new)}}}
         else:
             raw = with_value(raw, address.split("."), _without_instances(new))
     return raw
+
+
+def _with_color(raw: dict[str, Any], address: str, new: Any) -> dict[str, Any]:
+    """The plain dicts with another colour of a material, whose ka follows then. address: one that COLOR matches"""
+    owner, component = COLOR.fullmatch(address).groups()
+    raw = with_value(raw, [*owner.split("."), "ka"], None)
+    if component:
+        return with_value(raw, canonical(address).split("."), new)
+    try:
+        return with_value(raw, canonical(address).split("."), color_as_picked(new))
+    except ValueError as error:
+        raise UserError(printable(f"{address} = {shown(new)}: {error}")) from None
 
 
 def within(address: str, other: str) -> bool:
@@ -138,7 +159,7 @@ def _value_at(root: Any, address: str) -> Any:
 
     root: the node at which the address begins, a scene or its plain dicts.
     """
-    node, keys = root, address.split(".")
+    node, keys = root, canonical(address).split(".")
     for i, key in enumerate(keys):
         choices = keys_of(node)
         if key not in choices:

@@ -87,6 +87,8 @@ MEANINGS: dict[type, dict[str, str]] = {
         "priority": "where transparent solids overlap, the one with the higher priority counts; of equal ones, the "
         "smaller solid",
         "texture": "the name of one of the scene's textures, or null",
+        "color": "kd as people pick colours, in its place: a name, #rrggbb, three numbers from 0 to 255, or one from 0 "
+        "to 1 for grey in linear light",
         "textured": "what the texture colours: it replaces kd and multiplies ka, or it only replaces kd",
         "colored": "the fields that a palette colour of a data layer changes: it replaces kd and multiplies the others",
         "absorption": "light that runs a length d inside the solid is multiplied by exp(-absorption d); per world "

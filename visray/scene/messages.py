@@ -6,7 +6,7 @@ keys.
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, is_dataclass
 from itertools import islice
 from types import NoneType
 from typing import Any, get_args, get_origin
@@ -18,7 +18,7 @@ from visray.hints import hint
 from visray.primitives.csg import Csg
 from visray.primitives.instance import Instance
 from visray.records import Words
-from visray.scene.annotations import bare, child, describe, is_union, member, members_of, tag_of
+from visray.scene.annotations import bare, child, describe, inputs, is_union, member, members_of, tag_of
 from visray.scene.scene import Scene
 from visray.scene.source import wrong_texts
 from visray.scene.validated import plain
@@ -221,7 +221,7 @@ def _key_hint(place: _Place, value: Any, raw: Any) -> str:
     key, owner = place.address[-1], bare(place.parent)
     if owner in STEPS.values() and key in STEPS:
         return f"a step has only one of {', '.join(STEPS)}; write two steps"
-    names = [f.name for f in sorted(fields(owner), key=lambda f: f.name != "type")]
+    names = sorted(inputs(owner), key=lambda name: name != "type")
     if key in STEPS and "transform" in names:
         step = json.dumps({key: value}, default=str)
         return f'write "transform": [{step if len(step) <= LONGEST_VALUE else f"{{{json.dumps(key)}: ...}}"}]'

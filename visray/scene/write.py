@@ -16,7 +16,7 @@ from visray.animation import kinds as tracks
 from visray.animation.animation import Animation
 from visray.animation.ellipse import Ellipse
 from visray.arguments import checked_arguments
-from visray.colors import spelled
+from visray.colors import color_as_picked, spelled
 from visray.data import base as bases
 from visray.data.color_rule import ColorRule
 from visray.data.data_scene import Data
@@ -178,7 +178,8 @@ def _json_tree(value: Any, like: Any = None, ordered: bool = False) -> Any:
         written = [f.name for f in fields(value) if f.name in kept or getattr(value, f.name) != _default(f)]
         written.sort(key=lambda name: (name != "type", name in LAST))
         written.sort(key=lambda name: place.get(name, len(place)))
-        return {x: _json_tree(getattr(value, x), previous.get(x), x in ORDERED) for x in written}
+        tree = {x: _json_tree(getattr(value, x), previous.get(x), x in ORDERED) for x in written}
+        return _with_color(tree, previous, value) if isinstance(value, Material) else tree
     if isinstance(value, (TableValue, NumberColumn)):
         value = value.listed()
         value = tuple(value) if isinstance(value, list) else value
@@ -193,6 +194,18 @@ def _json_tree(value: Any, like: Any = None, ordered: bool = False) -> Any:
             return tree
     # An equal value keeps its spelling: a file's 2 is not written as 2.0.
     return like if tree == like or _spells(like, value) else tree
+
+
+def _with_color(tree: dict, previous: dict, material: Material) -> dict:
+    """A material as it is written, with its colour as in an existing file, if it is the same and was not in kd.
+
+    previous: the material in that file
+    """
+    with suppress(ValueError):
+        if "color" in previous and color_as_picked(previous["color"]) == material.kd:
+            renamed = {("color" if name == "kd" else name): part for name, part in tree.items()}
+            return renamed | {"color": previous["color"]}
+    return tree
 
 
 def _spells(like: Any, value: Any) -> bool:

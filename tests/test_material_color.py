@@ -128,13 +128,11 @@ def test_derivatives_are_those_of_kd() -> None:
 
 
 def test_a_track_moves_kd() -> None:
+    track = {"address": "materials.m.color", "times": [0, 1], "values": [0, 1]}
     raw = {
         "materials": {"m": {"color": "red"}},
         "objects": {"ball": {"type": "sphere", "material": "m"}},
-        "animation": {
-            "duration": 1,
-            "tracks": {"t": {"address": "materials.m.color", "times": [0, 1], "values": [0, 1]}},
-        },
+        "animation": {"duration": 1, "tracks": {"t": track}},
     }
     (line,) = examined(raw)[1]
     assert "materials.m.color" in line and "is another name of materials.m.kd; move that" in line

@@ -87,7 +87,7 @@ class Material:
     back: MaterialName | None = None
     color: InitVar[Annotated[Any, PickedColor()]] = None
 
-    def __post_init__(self, color: Any = None) -> None:
+    def __post_init__(self, color: Any) -> None:
         """Puts `color` into kd. Raises FieldError if there is a kd, too. Domain: it is a colour, or None."""
         if color is None:
             return

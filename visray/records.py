@@ -82,7 +82,7 @@ def altered(record: Any, changes: dict[str, Any]) -> Any:
     made = object.__new__(type(record))
     made.__dict__.update({f.name: getattr(record, f.name) for f in fields(record)} | changes)
     if hasattr(made, "__post_init__"):
-        made.__post_init__()
+        made.__post_init__(**dict.fromkeys(_facts(type(record)).inputs))
     return made
 
 

@@ -265,6 +265,7 @@ def test_each_command_is_on_the_page_of_commands():
 
 FOR_TABLES = {
     "Scene": vr.Scene, "Camera": Viewpoint, "Film": vr.Film, "Settings": vr.Settings, "Occlusion": vr.Occlusion,
+    "EnvironmentMap": vr.EnvironmentMap,
     "Scatter": vr.Scatter, "Material": vr.Material, "Light": Light, "AreaLight": AreaLight, "Texture": Texture,
     "Object": Primitive, "Polynomial": vr.Polynomial, "Csg": vr.Csg, "Data": vr.Data, "AnyBase": AnyBase,
     "Animation": vr.Animation, "Shutter": vr.Shutter, "DataLayer": vr.DataLayer, "SizeRule": vr.SizeRule,

@@ -14,9 +14,11 @@ from PIL import Image as Pillow
 from visray import direct, fresnel, indirect, integrator, interaction, media, occlusion, shading, warp
 from visray.accel import tint
 from visray.camera import Camera
+from visray.environment_map import EnvironmentMap
 from visray.feature_rules import RULES
 from visray.features import features
 from visray.gradients import gradient
+from visray.images import environment
 from visray.images import lookup as texturing
 from visray.lights import DiskLight, PointLight, RectangleLight, SphereLight
 from visray.lights import disk as disk_light
@@ -35,7 +37,7 @@ from visray.transforms import Rotate
 
 SCENES = sorted(p for p in (Path(__file__).resolve().parents[1] / "scenes").glob("*.json") if p.name != "schema.json")
 BLACK = (0.0, 0.0, 0.0)
-DOTS = "dots.png"  # in the folder where each test runs
+DOTS, ROOM = "dots.png", "room.png"  # in the folder where each test runs
 FULL = Scene(
     camera=Camera(origin=(0.5, 2, 6), target=(0, 0.5, 0), fov=40.0),
     film=Film(width=24, height=16, transparent=False),
@@ -62,8 +64,9 @@ FULL = Scene(
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder with a picture for textures, as the current one."""
+    """A folder with a picture for textures and one for the background, as the current one."""
     Pillow.fromarray(np.random.default_rng(1).integers(0, 256, (5, 7, 3), np.uint8)).save(tmp_path / DOTS)
+    Pillow.fromarray(np.random.default_rng(2).integers(0, 256, (4, 8, 3), np.uint8)).save(tmp_path / ROOM)
     monkeypatch.chdir(tmp_path)
 
 
@@ -127,17 +130,19 @@ def ball_on_floor(s: Scene) -> Scene:
 
 PANEL = RectangleLight(position=(2, 5, 4), samples=5)
 DISK = DiskLight(position=(3, 5, 4), normal=(-1, -1, -1), samples=4)
+SKY_LIGHT = settings(occlusion=Occlusion(sky=4, light="background"))
 GLOBE = SphereLight(position=(-3, 4, 3), radius=0.5, samples=3)
 # Every effect but coverage, on top of those that the full scene has.
 ALL = both(
     GLASS,
     material("gloss", kr=(0.3, 0.2, 0.1), fresnel="dielectric", absorption=(0.3, 0.1, 0.2)),
+    whole(background=EnvironmentMap(ROOM, rotation=40.0, intensity=0.5)),
     painted("wall", ImageTexture(file=DOTS)),
     lambda s: replace(s, lights=s.lights | {"panel": PANEL}),
     settings(occlusion=Occlusion(sky=3, near=2), scatter=Scatter(rays=2, depth=2)),
     lens(0.2),
     lambda s: replace(s, materials=s.materials | {"lamp": Material(kd=(2.0, 1.5, 1.0), shading="unlit", back="wall")}),
-    lambda s: replace(s, objects=s.objects | {"leaf": replace(s.objects["leaf"], material="lamp")}),
+    lambda s: replace(s, objects=s.objects | {"leaf": replace(FULL.objects["leaf"], material="lamp")}),
 )
 
 # Changes of the full scene: which effect they take away (or add), and the reason that is given.
@@ -161,6 +166,17 @@ CASES = {
     "lights off": (light(intensity=0.0), "diffuse", False, "no light with Id falls on a material with kd"),
     "black sky": (whole(background=BLACK), "background", False, "the background is black"),
     "plain sky": (whole(background=(0.0, 0.0, 0.1)), "background", True, "needed by background"),
+    "map": (whole(background=EnvironmentMap(ROOM, rotation=40.0)), "environment map", True, "needed by background"),
+    "black map": (whole(background=EnvironmentMap(ROOM, intensity=0.0)), "environment map", False,
+                  "the environment map is black"),
+    "no map": (whole(), "environment map", False, "the background is no environment map"),
+    "map behind a transparent film": (both(whole(background=EnvironmentMap(ROOM)), film(transparent=True)),
+                                      "environment map", False, "film.transparent is true"),
+    "ambient map": (both(whole(background=EnvironmentMap(ROOM), ambient=BLACK), film(transparent=True), SKY_LIGHT),
+                    "environment map", True, "needed by background"),
+    "ambient sky": (both(whole(ambient=BLACK), SKY_LIGHT), "sky occlusion", True, "needed by settings.occlusion.sky"),
+    "ambient night": (both(whole(background=BLACK), SKY_LIGHT), "sky occlusion", False,
+                      "settings.occlusion.sky is 0, or no ambient light falls on a material with ka"),
     "transparent": (film(transparent=True), "background", False, "film.transparent is true"),
     "opaque": (film(transparent=False), "coverage", False, "film.transparent is false: A is 1"),
     "covering": (film(transparent=True), "coverage", True, "needed by film.transparent"),
@@ -254,7 +270,7 @@ CASES = {
 # Of these cases, the scene itself rules the effect out: it is not forced.
 FORBIDDEN = (
     "shadows off", "panel without shadows", "glass without shadows", "transparent", "mirror at depth 0", "no textures",
-    "normals", "coat at depth 0", "bottle that tints nothing",
+    "normals", "coat at depth 0", "bottle that tints nothing", "no map", "map behind a transparent film",
 )  # fmt: skip
 EACH = pytest.mark.parametrize("case", CASES)
 
@@ -394,6 +410,7 @@ STEPS = {
     "bilinear": (painted("one", ImageTexture(file=DOTS, filter="nearest")), painted("one", ImageTexture(file=DOTS))),
     "defocus": (whole(), lens(0.2)),
     "background": (whole(), whole(background=(0.1, 0.2, 0.3))),
+    "environment map": (whole(background=(0.1, 0.2, 0.3)), whole(background=EnvironmentMap(ROOM))),
     "coverage": (whole(), film(transparent=True)),
 }  # fmt: skip
 
@@ -448,6 +465,7 @@ PATHS, DOMES = {"reflection", "refraction", "scatter"}, {"sky occlusion", "near 
 PARTS = {
     (occlusion, "sky"): {"sky occlusion"},
     (occlusion, "near"): {"near occlusion"},
+    (occlusion, "sky_light"): set(),
     (indirect, "indirect"): PATHS,
     (media, "interface_at"): PATHS,
     (indirect, "interface_at"): PATHS,
@@ -470,7 +488,8 @@ PARTS = {
     (shading, "receiving"): {"unlit"},
     (interaction, "_seen_side"): {"two-sided"},
     (texturing, "colour"): {"textures"},
-    (texturing, "_around"): {"bilinear"},
+    (texturing, "around"): {"bilinear"},
+    (environment, "light"): {"environment map"},
     (integrator, "lens_ray"): {"defocus"},
     (warp, "disk"): {"defocus", "scatter", *DOMES},
     (warp, "sphere"): set(),

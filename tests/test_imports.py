@@ -34,7 +34,7 @@ polynomials.everyday_characters polynomials.everyday_latex polynomials.everyday_
 polynomials.everyday_clearing polynomials.everyday
 polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
-textures materials modes filter_places filters
+textures environment_map materials modes filter_places filters
 lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
 lights camera fitting
 number_table
@@ -92,13 +92,14 @@ accel.intersect accel
 prepared_lights needed_materials
 ray_families
 kernel_scene
+background
 interaction
 direct light_loop occlusion
 shading
 media indirect
 integrator light_probe
 jacobian wavefront
-setup motion_blur passes attached_picture
+environment_report setup motion_blur passes attached_picture
 surface_motion motion_vectors moving frame_checks
 dark
 adaptive

@@ -286,7 +286,7 @@ def test_what_is_no_file_is_refused(tmp_path) -> None:
 @pytest.mark.skipif(os.name != "posix", reason="pipes and messages of POSIX")
 def test_what_posix_calls_no_file_is_refused(tmp_path) -> None:
     os.mkfifo(tmp_path / "pipe.png")
-    assert refused(tmp_path / "pipe.png") == "is not a regular file; give a PNG, JPEG or EXR file"
+    assert refused(tmp_path / "pipe.png") == "is not a regular file; give a PNG, JPEG, EXR or HDR file"
     (tmp_path / "a.png").write_bytes(b"")
     assert refused(tmp_path / "a.png" / "b.png") == "cannot be read (Not a directory); check the path"
     assert refused("x" * 5000) == "cannot be read (File name too long); check the path"
@@ -302,7 +302,7 @@ def test_a_file_that_may_not_be_read_is_refused(tmp_path) -> None:
 @pytest.mark.parametrize("content", [b"no picture", b"GIF89a", b"\x89PNG", b"\xff\xd8", b"v/1", b"II*\0"])
 def test_what_is_no_picture_is_refused(tmp_path, content: bytes) -> None:
     (tmp_path / "a.png").write_bytes(content)
-    assert refused(tmp_path / "a.png") == "is not a PNG, JPEG or EXR picture; save it as one of them"
+    assert refused(tmp_path / "a.png") == "is not a PNG, JPEG, EXR or HDR picture; save it as one of them"
 
 
 def encoded(kind: str, folder: Path) -> bytes:

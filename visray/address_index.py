@@ -21,7 +21,7 @@ from visray.primitives.mesh import Mesh
 from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
 from visray.scene import address as addresses
-from visray.scene.scene import Scene, SkyGradient
+from visray.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -120,10 +120,14 @@ class AddressIndex:
         if head == "ambient":
             return Slot.at((packed.ambient,), 0, int(name) if name else None)
         if head == "background":
-            plain, sky = not isinstance(self.scene.background, SkyGradient), packed.background
-            colours = (sky.top, sky.bottom) if plain else (getattr(sky, name or "top"),)
+            plain, sky = isinstance(self.scene.background, tuple), packed.background
+            if not plain and name not in quantities(type(sky)):
+                raise UserError(
+                    f"{address}: has no derivative; those of background are {', '.join(quantities(type(sky)))}"
+                )
+            numbers = (sky.top, sky.bottom) if plain else (getattr(sky, name),)
             rest = name if plain else field
-            return Slot.at(colours, 0, int(rest) if rest else None)
+            return Slot.at(numbers, 0, int(rest) if rest else None)
         if head == "camera":
             table, row, field, rest = packed.camera, 0, name, parts[2:]
         elif head == "materials":

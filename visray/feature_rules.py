@@ -13,6 +13,7 @@ import numpy as np
 from visray import modes
 from visray.data.all_objects import address_of
 from visray.data.rows import ROW_MATERIAL
+from visray.environment_map import EnvironmentMap
 from visray.filters import SQUARE
 from visray.materials import COLORED, Material
 from visray.primitives.csg_operands import bodies
@@ -105,9 +106,9 @@ def _lights(scene: Scene, test: Callable) -> list[str]:
 # The following functions are the `calls` of the rules. Each returns a list of the addresses that need its effect. A
 # material "has" ka, kd, ks, kr or kt, and a light "has" Ia, Id or Is, if one of the three numbers is not 0.
 def _ambient(scene: Scene) -> list[str]:
-    """Addresses of the materials with ka; empty if there is no ambient light: no `ambient` of the scene, and no light
-    with Ia."""
-    has_ambient = any(scene.ambient) or _lights(scene, lambda l: l.intensity and any(l.Ia))
+    """Addresses of the materials with ka; empty if there is no ambient light: no `ambient` of the scene, or background
+    in its place, and no light with Ia."""
+    has_ambient = _ambient_source(scene) or _lights(scene, lambda l: l.intensity and any(l.Ia))
     return _lit(scene, lambda m: any(m.ka)) if has_ambient else []
 
 
@@ -123,9 +124,28 @@ def _specular(scene: Scene) -> list[str]:
     return _lit(scene, lambda m: any(m.ks)) if lit else []
 
 
+def background_is_ambient(scene: Scene) -> bool:
+    """Whether sky rays bring the light of the background, in place of the scene's `ambient`."""
+    return scene.settings.occlusion.light == "background"
+
+
+def _ambient_source(scene: Scene) -> list[str]:
+    """The address of what brings the scene's ambient light, in a list; empty if that is black."""
+    if background_is_ambient(scene):
+        return _background(scene)
+    return ["ambient"] if any(scene.ambient) else []
+
+
+def _map(scene: Scene) -> list[str]:
+    """The address of the background, in a list; empty if it is no environment map, or a black one."""
+    return _background(scene) if isinstance(scene.background, EnvironmentMap) else []
+
+
 def _background(scene: Scene) -> list[str]:
     """The address of the background, in a list; empty if the background is black."""
     sky = scene.background
+    if isinstance(sky, EnvironmentMap):
+        return ["background"] if sky.intensity else []
     colours = (*sky.top, *sky.bottom) if isinstance(sky, SkyGradient) else sky
     return ["background"] if any(colours) else []
 
@@ -188,9 +208,9 @@ def _scatter(scene: Scene) -> list[str]:
 
 
 def _sky(scene: Scene) -> list[str]:
-    """The address of the number of sky rays, in a list; empty if there are no such rays, if the scene's `ambient` is
-    black, or if no material has ka."""
-    occludes = any(scene.ambient) and scene.settings.occlusion.sky
+    """The address of the number of sky rays, in a list; empty if there are no such rays, if what they bring (the
+    scene's `ambient`, or the background) is black, or if no material has ka."""
+    occludes = _ambient_source(scene) and scene.settings.occlusion.sky
     return ["settings.occlusion.sky"] if occludes and _lit(scene, lambda m: any(m.ka)) else []
 
 
@@ -219,7 +239,7 @@ def _if_lit(calls: Callable[[Scene], list[str]]) -> Callable[[Scene], list[str]]
 
 RULES = (
     Rule("ambient", _if_lit(_ambient), "no ambient light falls on a material with ka",
-         ("ambient", "ka", "Ia", "intensity"), _some_lit),
+         ("ambient", "ka", "Ia", "intensity", "background"), _some_lit),
     Rule("diffuse", _if_lit(_diffuse), "no light with Id falls on a material with kd", ("kd", "Id", "intensity"),
          _some_lit),
     Rule("specular", _if_lit(_specular), "no light with Is falls on a material with ks",
@@ -234,7 +254,7 @@ RULES = (
     Rule("area lights", _if_lit(lambda s: _lights(s, lambda l: l.has_area and l.intensity)),
          "no light has an area", ()),
     Rule("sky occlusion", _if_lit(_sky), "settings.occlusion.sky is 0, or no ambient light falls on a material with ka",
-         ("ambient", "ka"), lambda s: s.settings.occlusion.sky, "ambient"),
+         ("ambient", "ka", "background"), lambda s: s.settings.occlusion.sky, "ambient"),
     Rule("near occlusion", _if_lit(_near), "settings.occlusion.near is 0, or no Ia falls on a material with ka",
          ("Ia", "ka", "intensity"), lambda s: s.settings.occlusion.near, "ambient"),
     Rule("reflection", _if_lit(lambda s: _with_share(s, "kr")), "no material has kr", ("kr",)),
@@ -253,6 +273,7 @@ RULES = (
     Rule("defocus", lambda s: ["camera.aperture"] if s.camera.aperture else [], "camera.aperture is 0",
          ("aperture", "focus")),
     Rule("background", _background, "the background is black", ("background",)),
+    Rule("environment map", _map, "the environment map is black", ("background",), needs="background"),
     Rule("filter", lambda s: [] if s.film.filter == SQUARE else ["film.filter"],
          "film.filter is a box of radius 0.5: a pixel is the light on its square", ()),
     Rule("coverage", lambda s: ["film.transparent"] if s.film.transparent else [], "film.transparent is false: A is 1",

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from visray import modes
 from visray.camera import OrthographicCamera
+from visray.environment_map import EnvironmentMap
 from visray.feature_rules import (
     CHANGING_REFLECTED,
     PASSING_ON,
@@ -18,11 +19,17 @@ from visray.feature_rules import (
     RULES,
     SOURCES,
     Rule,
+    background_is_ambient,
     used_materials,
 )
 from visray.mesh_report import MeshFacts
 from visray.scene.edits import canonical
 from visray.scene.scene import Scene
+
+# The effects that shading modes without light have too.
+ON_EVERYWHERE = (
+    "two-sided", "textures", "bilinear", "defocus", "background", "environment map", "filter", "coverage",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -136,14 +143,18 @@ def _ruled_out(name: str, scene: Scene, wrt: Wrt) -> str | None:
     if name == "defocus" and isinstance(scene.camera, OrthographicCamera):
         return "an orthographic camera has no lens"
     unlit = not modes.BY_NAME[settings.shading].lit
-    if unlit and name not in ("two-sided", "textures", "bilinear", "defocus", "background", "filter", "coverage"):
+    if unlit and name not in ON_EVERYWHERE:
         return f"settings.shading is {settings.shading}"
     if name in ("textures", "bilinear") and not scene.textures:
         return "the scene has no textures"
-    # A transparent film leaves the background out of the picture, but a mirror may still reflect it.
+    if name == "environment map" and not isinstance(scene.background, EnvironmentMap):
+        return "the background is no environment map"
+    # A transparent film leaves the background out of the picture, but a mirror may still reflect it, and it may be the
+    # ambient light.
     path_rules = (r for r in RULES if r.name in ("reflection", "refraction", "scatter") and r.possible(scene))
     has_paths = not unlit and any(r.calls(scene) or _first_with_field(r.fields, wrt) for r in path_rules)
-    if name == "background" and scene.film.transparent and not has_paths:
+    is_ambient = not unlit and background_is_ambient(scene) and settings.occlusion.sky
+    if name in ("background", "environment map") and scene.film.transparent and not (has_paths or is_ambient):
         return "film.transparent is true"
     return None
 

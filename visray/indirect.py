@@ -34,6 +34,7 @@ import drjit as dr
 from visray import warp
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
+from visray.background import background
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import KernelScene
 from visray.media import (
@@ -167,14 +168,6 @@ def _either(use_x: Any, x: Bounce, y: Bounce) -> Bounce:
 def miss_radiance(s: KernelScene, d: Any) -> Any:
     """Light along a ray after a bounce that hits nothing. d: direction of the ray."""
     return s.ambient if s.settings.misses == "ambient" else background(s, d)
-
-
-def background(s: KernelScene, d: Any) -> Any:
-    """Light of the background in direction d. It changes linearly with d.y, from `bottom` at -1 to `top` at 1."""
-    if not s.features["background"]:
-        return s.a.V(0)
-    up = 0.5 * s.a.F(d.y) + 0.5
-    return dr.fma(s.sky.top - s.sky.bottom, up, s.sky.bottom)
 
 
 def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Interface | None) -> Any:

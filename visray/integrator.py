@@ -10,6 +10,7 @@ import drjit as dr
 from visray import indirect, media, sampling, warp
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
+from visray.background import background
 from visray.batches import Batch
 from visray.camera import ParallelView
 from visray.geometry import UNIT_ROUNDOFF
@@ -110,7 +111,7 @@ def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tupl
         colour = (colour if own_weight is None else colour * own_weight) + indirect.indirect(s, si, ray, interface)
         passed = media.transmitted(s, si, interface)
         colour = colour if passed is None else colour * passed
-    sky = s.a.V(0) if s.transparent else indirect.background(s, ray.d)
+    sky = s.a.V(0) if s.transparent else background(s, ray.d)
     return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.coverage)
 
 

@@ -21,6 +21,7 @@ from visray.camera import ParallelView, View
 from visray.features import Features
 from visray.filter_places import Line, Roof, Table
 from visray.images import Atlas
+from visray.images.environment import Environment, Panorama, environment
 from visray.materials import Material
 from visray.needed_materials import asked_fields, needed, with_needed
 from visray.pack import Packed
@@ -56,7 +57,7 @@ class KernelScene:
     looped_lights: lights that the kernel loops over
     light_steps: samples of all lights, if the kernel visits them in loops with derivatives; else empty
     most_rows: largest number of rows of a batch, as opaque data
-    sky: background
+    sky: background: a gradient or a colour, or an environment map
     ambient: ambient light of the scene
     lights_ambient: ambient light of all lights together
     occlusion_distance: distance beyond which surfaces do not count in near occlusion
@@ -84,7 +85,7 @@ class KernelScene:
     looped_lights: tuple[LightBatch, ...]
     light_steps: tuple[LightSteps, ...]
     most_rows: Any
-    sky: SkyGradient
+    sky: SkyGradient | Environment
     ambient: Any
     lights_ambient: Any
     occlusion_distance: Any
@@ -137,9 +138,11 @@ def kernel_scene(
     atlas: Atlas | None,
     brute_force: bool = False,
     previous: tuple[Packed, KernelScene] | None = None,
+    panorama: Panorama | None = None,
 ) -> KernelScene:
     """The scene as kernels read it, with all arrays evaluated. Derivatives flow through it.
 
+    panorama: pixels of the environment map, or None; those of `previous` if that is given
     previous: packed numbers of a scene with the same structure, and the KernelScene that was made from them. Batches of
         this KernelScene are reused if their columns are unchanged. None: nothing is reused
     """
@@ -175,7 +178,7 @@ def kernel_scene(
         looped_lights=looped,
         light_steps=light_steps(packed, geometry, a) if in_waves else (),
         most_rows=dr.opaque(a.U, max(map(len, geometry.batches), default=0)),
-        sky=packed.background,
+        sky=_sky(a, packed.background, panorama, previous),
         ambient=packed.ambient,
         lights_ambient=lights_ambient,
         occlusion_distance=packed.occlusion.distance,
@@ -191,6 +194,15 @@ def kernel_scene(
         asked=asked_fields(packed.materials, geometry.batches, attached and features["bilinear"]),
         brute_force=brute_force,
     )
+
+
+def _sky(
+    a: Arrays, numbers: Any, panorama: Panorama | None, previous: tuple[Packed, KernelScene] | None
+) -> SkyGradient | Environment:
+    """The background. numbers: its numbers, as arrays. panorama, previous: as in kernel_scene."""
+    if isinstance(numbers, SkyGradient):
+        return numbers
+    return evaluated(environment(a, panorama or previous[1].sky.panorama, numbers))
 
 
 def reach_of(scene: Scene, features: Features) -> float:

@@ -1,7 +1,7 @@
 """Motion vectors: how far what a pixel shows moves in the picture until the next frame.
 
 They are those of the surface point that the ray through the pixel's centre meets (surface_motion.py). The background is
-infinitely far away, so only a camera that turns moves it.
+infinitely far away, so only a camera that turns moves it, or the rotation of an environment map.
 """
 
 from collections.abc import Collection
@@ -13,6 +13,7 @@ import numpy as np
 
 from visray.animation.moment import at
 from visray.camera import OrthographicCamera
+from visray.environment_map import EnvironmentMap
 from visray.errors import UserError
 from visray.geometry import Frame, gamma, l1_norm
 from visray.output.layers import NAMES, names_from
@@ -71,7 +72,8 @@ def forward(prepared: Prepared, hit: dict[str, Any]) -> tuple[Any, Any]:
     if not parallel:
         # The background's directions stay as they are.
         away = now.inverse().vector(a.W(prepared.x + 0.5, prepared.y + 0.5, 1))
-        here, there = (dr.select(surface, p, away) for p in (here, there))
+        here = dr.select(surface, here, away)
+        there = dr.select(surface, there, _turned(a, away, scene.background, after.background))
         size = dr.select(surface, size, l1_norm(away))
     (x, y, _), (x_there, y_there, depth) = (
         _place(frame, p, surface, parallel) for frame, p in ((now, here), (then, there))
@@ -90,6 +92,14 @@ def _moved(a: Arrays, moves: Motion, hit: dict[str, Any]) -> Any:
     slots = a.put(a.U, np.append(moves.slot, np.uint32(0)))
     start = a.put(a.W, moves.points.T) if moves.bends else a.W(hit["P"])
     return rows(table, dr.gather(a.U, slots, hit["id"])).point(start)
+
+
+def _turned(a: Arrays, d: Any, before: Any, after: Any) -> Any:
+    """Directions of the background at the next moment. before, after: the background now and then."""
+    if not (isinstance(before, EnvironmentMap) and isinstance(after, EnvironmentMap)):
+        return d
+    sine, cosine = dr.sincos(dr.opaque(a.D, np.radians(after.rotation - before.rotation)))
+    return a.W(cosine * d.x + sine * d.z, d.y, cosine * d.z - sine * d.x)
 
 
 def _picture(a: Arrays, scene: Scene) -> Frame:

@@ -1,4 +1,5 @@
-"""Ambient occlusion: the share of ambient light that reaches a point, by rays over the hemisphere above it.
+"""Ambient occlusion: the share of ambient light that reaches a point, by rays over the hemisphere above it;
+or the light of the background that they bring.
 
 All rays have equal weight. Their density is proportional to the cosine of the angle to the normal, or, if
 settings.occlusion.hemisphere is "box", that of the original program (warp.box).
@@ -12,6 +13,7 @@ from visray import warp
 from visray.accel.culling import DirectionCone
 from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
+from visray.background import background
 from visray.interaction import Interaction, attached_distance
 from visray.kernel_scene import KernelScene
 from visray.ray import Ray
@@ -32,6 +34,22 @@ def sky(s: KernelScene, si: Interaction) -> Any:
 
     origin = _above(s, si)
     return _mean(s, si, "sky", s.settings.occlusion.sky, step)
+
+
+def sky_light(s: KernelScene, si: Interaction) -> Any:
+    """Light of the background that reaches a point: its mean over the rays, where those that hit something bring none.
+    Shapes: (3, N)."""
+
+    def step(j: Any, total: Any) -> tuple:
+        ray, below = _ray(s, si, SKY, j)
+        n = dr.width(total)
+        no_target = Target(dr.full(s.a.F, dr.inf, n), dr.zeros(s.a.F, n))
+        is_occluded = occluded(origin, ray, no_target, si.hit.valid, s.brute_force)
+        return (total + dr.select(is_occluded | below, 0, background(s, ray.d)),)
+
+    origin, count = _above(s, si), s.sample_sets["sky"].count
+    start = (dr.zeros(s.a.V, dr.width(si.surface.p)),)
+    return s.loop(count, si.hit.valid, start, step)[0] * dr.rcp(dr.maximum(s.a.F(count), 1))
 
 
 def near(s: KernelScene, si: Interaction) -> Any:

@@ -14,6 +14,7 @@ import numpy as np
 from visray.camera import Camera, OrthographicCamera
 from visray.columns import Columns, Looks, Names, materials_of, sides
 from visray.data_columns import data_columns
+from visray.environment_map import EnvironmentMap
 from visray.geometry import Frame
 from visray.lights.light import Light
 from visray.materials import FRESNEL, Material
@@ -56,7 +57,7 @@ class Packed:
     lights: tuple[LightColumns, ...]
     materials: Material
     camera: Camera | OrthographicCamera
-    background: SkyGradient
+    background: SkyGradient | EnvironmentMap
     ambient: Any
     occlusion: Occlusion
 
@@ -98,7 +99,7 @@ def pack(scene: Scene, a: Arrays) -> Packed:
     for number, (name, light) in enumerate(scene.lights.items()):
         lights.setdefault(type(light), []).append((number, name))
     sky = scene.background
-    sky = sky if isinstance(sky, SkyGradient) else SkyGradient(top=sky, bottom=sky)
+    sky = SkyGradient(top=sky, bottom=sky) if isinstance(sky, tuple) else sky
     return evaluated(
         Packed(
             batches=(
@@ -108,7 +109,7 @@ def pack(scene: Scene, a: Arrays) -> Packed:
             lights=tuple(_light_columns(scene, a, kind, members) for kind, members in lights.items()),
             materials=_material_table(a, list(materials.values())),
             camera=stacked(a, type(scene.camera), [scene.camera]),
-            background=stacked(a, SkyGradient, [sky]),
+            background=stacked(a, type(sky), [sky]),
             ambient=a.put(a.V, np.array(scene.ambient, float)[:, None]),
             occlusion=stacked(a, Occlusion, [scene.settings.occlusion]),
         )

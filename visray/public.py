@@ -21,6 +21,7 @@ from visray.data.size_rule import SizeRule
 from visray.data_picture import data_scene
 from visray.differences import difference
 from visray.edges import EdgeWarning
+from visray.environment_map import EnvironmentMap
 from visray.errors import UserError
 from visray.explaining import explain
 from visray.gradients import derivative, gradient
@@ -64,6 +65,7 @@ __all__ = [
     "EdgeWarning",
     "Ellipse",
     "EllipseTrack",
+    "EnvironmentMap",
     "GlobeBase",
     "Legend",
     "MapBase",

@@ -20,7 +20,7 @@ from visray.primitives.primitive import Primitive
 from visray.pytree import leaves, mapped
 from visray.pytree import rows as gathered
 from visray.quantities import Arrays
-from visray.scene.scene import Scene, SkyGradient
+from visray.scene.scene import Scene
 
 
 def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a: Arrays) -> Packed | None:
@@ -65,8 +65,8 @@ def _shows(scene: Scene, obj: Primitive, geometries: set[str]) -> bool:
 def _structure(scene: Scene) -> tuple:
     """Parts of a scene, apart from its objects, that an update of numbers leaves unchanged, as a tuple: names and kinds
     of lights, names of materials with their textures, with what colours change in them and with their backs, the
-    materials that make meshes bodies, the bodies of unions, the kinds of layers, and the kinds of background and
-    camera."""
+    materials that make meshes bodies, the bodies of unions, the kinds of layers, the kind of background and
+    its file, and the kind of camera."""
     lights = [(name, type(light)) for name, light in scene.lights.items()]
     return (
         lights,
@@ -76,7 +76,7 @@ def _structure(scene: Scene) -> tuple:
         ],
         BatchKeys(scene).transparent if any(isinstance(x, Mesh) for x in scene.bodies.values()) else None,
         {name: list(bodies) for name, bodies in scene.unions.items()},
-        isinstance(scene.background, SkyGradient),
+        (type(scene.background), getattr(scene.background, "file", None)),
         scene.data is None,
         [kind for kind, _ in layer_sizes(scene)],
         type(scene.camera),

@@ -16,8 +16,11 @@ from visray.clip_report import warn_of_clips
 from visray.csg_report import warn_of_empty_csg
 from visray.data_report import warn_of_data
 from visray.differentiable import differentiable
+from visray.environment_map import EnvironmentMap
+from visray.environment_report import warn_of_environment
 from visray.errors import UserError
 from visray.features import Features, features
+from visray.images.environment import pack_map
 from visray.kernel_scene import KernelScene, kernel_scene
 from visray.material_report import warn_of_sheets
 from visray.mesh_report import warn_of_meshes
@@ -154,11 +157,14 @@ def prepare(
     warn_of_clips(scene)
     warn_of_empty_csg(scene)
     warn_of_data(scene)
+    warn_of_environment(scene)
     effects, packed = features(scene, wrt, everything, without), pack(differentiable(scene, wrt) if wrt else scene, a)
     warn_of_sheets(scene, effects)
     if attach is not None:
         attach(packed)
-    kernel = kernel_scene(packed, scene, effects, a, _atlas(scene, packed, a), brute_force)
+    sky = scene.background
+    panorama = pack_map(a, sky) if isinstance(sky, EnvironmentMap) else None
+    kernel = kernel_scene(packed, scene, effects, a, _atlas(scene, packed, a), brute_force, panorama=panorama)
     return Prepared(
         scene, a, effects, packed, kernel, *lanes(a, scene.film), _identities(scene), without=tuple(without)
     )

@@ -4,7 +4,8 @@
 
 Vectors have length 1: n is the normal turned to the viewer, l points to the light, v to the viewer, and h is halfway
 between l and v. There is no highlight if n.l <= 0.
-Ig is the scene's ambient light. Ia, Id and Is are the light's ambient, diffuse and specular colours, and ka, kd and ks
+Ig is the scene's ambient light; if settings.occlusion.light is "background", Ig sky is the mean light of the background
+where it is not hidden. Ia, Id and Is are the light's ambient, diffuse and specular colours, and ka, kd and ks
 those of the material. sky and near are the shares of ambient light that occlusion leaves (occlusion.py). S is the share
 of light that passes all objects on its way. att is attenuation by distance times the light's falloff.
 
@@ -79,7 +80,9 @@ def ambient(s: KernelScene, si: Interaction) -> Any:
     colour, on = dr.zeros(s.a.V, 1), s.features
     if on["ambient"]:
         sky, near = s.ambient, s.lights_ambient
-        if on["sky occlusion"]:
+        if s.settings.occlusion.light == "background":
+            sky = occlusion.sky_light(s, si) if on["sky occlusion"] and on["background"] else dr.zeros(s.a.V, 1)
+        elif on["sky occlusion"]:
             sky = sky * occlusion.sky(s, si)
         if on["near occlusion"]:
             near = near * occlusion.near(s, si)

@@ -44,13 +44,13 @@ class Texture:
 @record_kind
 @dataclass(frozen=True, kw_only=True)
 class ImageTexture(Texture):
-    """A PNG, JPEG or EXR `file` (relative to the scene file), with its first row at v = 1.
+    """A PNG, JPEG, EXR or HDR `file` (relative to the scene file), with its first row at v = 1.
 
     `filter`: `nearest` takes the colour of the nearest pixel, `bilinear` blends four pixels. `wrap`: beyond its edges
     the picture repeats (`repeat`), keeps the colour of the edge (`clamp`), or is mirrored (`mirror`). A pair, such as
     ("repeat", "clamp"), is for u and for v. At the poles of a sphere and of other kinds whose v ends there, pixels
     beyond the pole are never blended in. `encoding`: how numbers of the file become colours, `srgb` or `linear`; with
-    `auto`, PNG and JPEG are read as sRGB and EXR as linear.
+    `auto`, PNG and JPEG are read as sRGB, EXR and HDR as linear.
     """
 
     type: Literal["image"] = "image"

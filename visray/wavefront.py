@@ -27,6 +27,7 @@ import numpy as np
 from visray import indirect, integrator, media, sampling
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
+from visray.background import background
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import KernelScene
 from visray.ray import Hit, Ray
@@ -181,7 +182,7 @@ class Waves:
             sample = self._sample(wave)
             later = sample.derived(1 + wave.path + ((at.level - 1) << 16))
             si = interact(s, ray, hit, replace(sample, key=dr.select(first, wave.key, later.key)))
-            colour, sky = shade(s, si), s.a.V(0) if s.transparent else indirect.background(s, d)
+            colour, sky = shade(s, si), s.a.V(0) if s.transparent else background(s, d)
             if not s.features["paths"]:
                 colour = dr.select(hit.valid, colour, sky)
                 return (_wide(colour if s.filter is None else weight * colour, n),), ()

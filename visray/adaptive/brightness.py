@@ -14,6 +14,7 @@ import numpy as np
 from visray import modes
 from visray.adaptive.small_objects import SMALL
 from visray.camera import ParallelView
+from visray.environment_map import EnvironmentMap
 from visray.feature_rules import used_materials
 from visray.geometry import gamma
 from visray.lights.light import Light
@@ -65,8 +66,7 @@ class Brightness:
             else local[key] + rms(ambient * np.array(m.ka) * np.maximum(1, colours[key] if m.texture else 1))
             for key, m in materials.items()
         }
-        sky = scene.background
-        sky = max(map(rms, (sky.top, sky.bottom) if isinstance(sky, SkyGradient) else (sky,)))
+        sky = _sky(prepared)
         brightest = max(shown, key=shown.get)
         passed_on = {key: _passed_on(prepared, m) for key, m in materials.items()}
         sides = {key: shown[key] + passed_on[key] * max(shown[brightest], sky) for key in materials}
@@ -76,8 +76,40 @@ class Brightness:
         causes[f"materials.{brightest} in mirrors, glass or scattered light"] = (
             max(passed_on.values()) * shown[brightest]
         )
+        causes["a bright spot of the environment map"] = _map_share(prepared, passed_on, materials) * sky
         cause = max(causes, key=causes.get)
         return Brightness(objects, causes[cause], cause)
+
+
+def _sky(prepared: Prepared) -> float:
+    """The brightness of the background, at its brightest."""
+    sky, s = prepared.scene.background, prepared.kernel
+    if isinstance(sky, EnvironmentMap):
+        texels = s.sky.panorama.texels
+        greatest = [
+            float(dr.max(dr.gather(s.a.F32, texels, dr.arange(s.a.U, i, dr.width(texels), 4)))[0]) for i in range(3)
+        ]
+        return sky.intensity * rms(greatest)
+    return max(map(rms, (sky.top, sky.bottom) if isinstance(sky, SkyGradient) else (sky,)))
+
+
+def _map_share(prepared: Prepared, passed_on: dict[str, float], materials: dict[str, Material]) -> float:
+    """The largest share of the light of a bright pixel of the environment map that reaches the film where no sample may
+    have met it: 0 without a map.
+
+    Seen directly, a pixel of the map that is larger than one of the film is met by samples.
+    """
+    scene, view = prepared.scene, prepared.kernel.view
+    if not isinstance(scene.background, EnvironmentMap):
+        return 0.0
+    shares = [*passed_on.values()] if scene.settings.misses == "background" else []
+    if scene.settings.occlusion.light == "background" and prepared.features["sky occlusion"]:
+        shares += [max(m.ka) for m in materials.values() if not m.unlit]
+    angle = np.linalg.norm(np.array(view.pixel_right, float)) / np.linalg.norm(np.array(view.forward, float))
+    is_fine = np.pi / float(prepared.kernel.sky.panorama.height[0]) < angle
+    if is_fine and not scene.film.transparent and not isinstance(view, ParallelView):
+        shares.append(1.0)
+    return max(shares, default=0.0)
 
 
 def rms(colour: np.ndarray | tuple) -> float:

@@ -6,8 +6,10 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from visray.background import blackened
 from visray.batches import Batch
 from visray.columns import NO_TEXTURE, BackSide, Looks
+from visray.environment_map import EnvironmentMap
 from visray.feature_rules import used_materials
 from visray.geometry import gamma
 from visray.materials import Material
@@ -30,19 +32,28 @@ DARK_SHARE = 1 / 64
 
 
 def _sky(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """The background at the bottom and at the top of the sky."""
+    """The background at the bottom and at the top of the sky. Domain: no environment map."""
     sky = scene.background
     ends = (sky.bottom, sky.top) if isinstance(sky, SkyGradient) else (sky, sky)
     return tuple(np.zeros(3) if scene.film.transparent else np.array(c, float) for c in ends)
+
+
+def _shows_map(scene: Scene) -> bool:
+    """Whether the film shows an environment map where there is no object."""
+    return isinstance(scene.background, EnvironmentMap) and not scene.film.transparent
 
 
 def shows_only_background(prepared: Prepared, rgb: np.ndarray, coverage: np.ndarray | None = None) -> bool:
     """Whether all colours of a picture may be those of the background. It is False for nearly all other pictures.
 
     coverage: coverage of the pixels; None if it does not matter
+
+    What shows a whole environment map may show anything, so there only coverage counts.
     """
     if coverage is not None and not coverage.any():
         return True
+    if _shows_map(prepared.scene):
+        return False
     bottom, top = _sky(prepared.scene)
     across, error = top - bottom, 4 * ROUNDING * max(bottom.max(), top.max())
     for colours in (rgb[:, :: max(1, rgb.shape[1] // FIRST_PIXELS)], rgb):
@@ -74,7 +85,7 @@ def may_be_unlit(prepared: Prepared, rgb: np.ndarray) -> bool:
     brightest = (1 + ROUNDING) * max(np.max(colours, initial=0), NEARLY_BLACK)
     if (rgb.max(0) <= brightest).mean() < DARK_SHARE:
         return False
-    if on["paths"] or on["textures"]:
+    if on["paths"] or on["textures"] or _shows_map(scene):
         return True
     corners = np.stack([np.zeros(3), *_sky(scene), *colours], 1)
     farthest = _largest(corners) + max(4 * ROUNDING * corners.max(), NEARLY_BLACK)
@@ -97,8 +108,7 @@ def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
     s, scene = prepared.kernel, prepared.scene
     scene, interrupts = replace(scene, settings=replace(scene.settings, spp=1)), interrupts or Interrupts()
     black = lambda colour: dr.opaque(type(colour), 0, dr.width(colour))  # noqa: E731 - a colour of the same kind
-    sky = replace(s.sky, top=black(s.sky.top), bottom=black(s.sky.bottom))
-    dark = replace(s, ambient=black(s.ambient), lights_ambient=black(s.lights_ambient), sky=sky)
+    dark = replace(s, ambient=black(s.ambient), lights_ambient=black(s.lights_ambient), sky=blackened(s.sky))
     if prepared.features["unlit"]:
         dark = replace(dark, geometry=s.geometry.with_looks(tuple(_without_unlit(batch) for batch in s.batches)))
     n = len(prepared.order)

@@ -91,13 +91,13 @@ def _image(a: Arrays, texels: Any, row: Row, x: Any, y: Any, bilinear: bool) -> 
 
     if not bilinear:
         return texel(_nearest(a, x, row.width), _nearest(a, y, row.height))
-    left, right, s = _around(a, x, row.width, row.wrap_u, row.smooth)
-    below, above, t = _around(a, y, row.height, row.wrap_v, row.smooth)
-    low, high = (_blend(texel(left, j), texel(right, j), s) for j in (below, above))
-    return _blend(low, high, t)
+    left, right, s = around(a, x, row.width, row.wrap_u, row.smooth)
+    below, above, t = around(a, y, row.height, row.wrap_v, row.smooth)
+    low, high = (blend(texel(left, j), texel(right, j), s) for j in (below, above))
+    return blend(low, high, t)
 
 
-def _blend(p: Any, q: Any, weight: Any) -> Any:
+def blend(p: Any, q: Any, weight: Any) -> Any:
     """Linear blend: p at weight 0, q at weight 1. Exact if p = q."""
     return p + weight * (q - p)
 
@@ -110,7 +110,7 @@ def _nearest(a: Arrays, x: Any, size: Any) -> Any:
     return a.U(dr.minimum(dr.floor(x * size), size - 1))
 
 
-def _around(a: Arrays, x: Any, size: Any, wrap: Any, smooth: Any) -> tuple[Any, Any, Any]:
+def around(a: Arrays, x: Any, size: Any, wrap: Any, smooth: Any) -> tuple[Any, Any, Any]:
     """The indices of two pixels along one axis, and the weight of the second pixel. x lies between their centres.
 
     If the texture does not blend pixels, the first pixel is the one that contains x, and the weight is 0.

@@ -1,4 +1,4 @@
-"""Reads image files as linear light: PNG and JPEG with Pillow, EXR with visray's own reader.
+"""Reads image files as linear light: PNG and JPEG with Pillow, EXR and HDR (Radiance) with visray's own readers.
 
 The format is determined by the first bytes of the file, not by its name.
 """
@@ -15,6 +15,7 @@ from PIL.JpegImagePlugin import JpegImageFile
 from PIL.PngImagePlugin import PngImageFile
 
 from visray.errors import UserError
+from visray.images.radiance import MAGIC, read_hdr
 from visray.images.rows import check_jpeg_rows, check_png_rows, check_size
 from visray.output.curves import linear
 from visray.output.exr import read_exr
@@ -24,45 +25,47 @@ from visray.scene.source import neighbour
 from visray.terminal import printable
 
 # Suffixes of image files. An error names no other files of a folder.
-SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
+SUFFIXES = (".png", ".jpg", ".jpeg", ".exr", ".hdr")
 # Largest number of bytes that the images in the cache take.
 CACHE_BYTES = 2**30
 # Pillow reads PNG files of 16-bit colour in one of the raw modes on the left, and keeps only the upper byte of each
 # number. In the raw mode on the right it keeps the lower byte. The last number counts the channels that are used.
 LOWER_BYTE = {"RGB;16B": ("RGB;16L", 3), "RGBA;16B": ("RGBA;16L", 3), "LA;16B": ("ARGB", 1)}
 
-# Cache of images. Key: path and encoding. Value: modification time and size of the file, and its image.
-_cache: dict[tuple[str, str], tuple[tuple[int, int], np.ndarray]] = {}
+# Cache of images. Key: path, encoding and `whole`. Value: modification time and size of the file, and its image.
+_cache: dict[tuple[str, str, bool], tuple[tuple[int, int], np.ndarray]] = {}
 
 
-def read_image(file: str, encoding: str, address: str) -> np.ndarray:
+def read_image(file: str, encoding: str, address: str, whole: bool = False) -> np.ndarray:
     """Image of a file, in linear Rec. 709, as a read-only array of float32. Shape: (H, W, 3), the top row first.
 
     file: path of the file.
-    encoding: encoding of the numbers in the file: `srgb`, `linear`, or `auto` (sRGB for PNG and JPEG, linear for EXR).
+    encoding: encoding of the numbers in the file: `srgb`, `linear`, or `auto` (sRGB for PNG and JPEG, linear for EXR
+        and HDR).
     address: address of the path in the scene, for error messages.
+    whole: whether negative numbers are errors, and pixels that are wrong are counted. Else negative numbers become 0.
 
     Grey becomes three equal numbers. Alpha is removed. In EXR files the colour is premultiplied by alpha, so here it is
-    divided by alpha. An EXR file without R, G and B is read if it has only one layer. Negative numbers become 0.
-    Embedded colour profiles and the EXIF orientation are ignored. A file that has not changed is not read again.
+    divided by alpha. An EXR file without R, G and B is read if it has only one layer. Embedded colour profiles and the
+    EXIF orientation are ignored. A file that has not changed is not read again.
 
     Raises a UserError of one line, which begins with the address.
     """
     try:
-        return _cached(file, encoding)
+        return _cached(file, encoding, whole)
     except UserError as error:
         # The name is shown in full, however long it is.
         shown, text = json.dumps(file, ensure_ascii=False), str(error).removeprefix(f"{file}: ")
         raise UserError(printable(f"{address} = {shown}: {text}")) from None
 
 
-def _cached(path: str, encoding: str) -> np.ndarray:
+def _cached(path: str, encoding: str, whole: bool) -> np.ndarray:
     """Image of a file. It comes from the cache if the file has not changed since it was read."""
     status = _status(path)
-    key, stamp = (os.path.abspath(path), encoding), (status.st_mtime_ns, status.st_size)
+    key, stamp = (os.path.abspath(path), encoding, whole), (status.st_mtime_ns, status.st_size)
     entry = _cache.pop(key, None)
     if entry is None or entry[0] != stamp:
-        entry = stamp, _linear_light(path, encoding)
+        entry = stamp, _linear_light(path, encoding, whole)
         entry[1].flags.writeable = False
     # The cache is ordered by last use; the least recently used images are removed first.
     _cache[key] = entry
@@ -83,7 +86,7 @@ def _status(path: str) -> os.stat_result:
         raise UserError("is a folder; give a file in it")
     # A pipe must not be opened: that would wait for a writer.
     if not stat.S_ISREG(status.st_mode):
-        raise UserError("is not a regular file; give a PNG, JPEG or EXR file")
+        raise UserError("is not a regular file; give a PNG, JPEG, EXR or HDR file")
     return status
 
 
@@ -92,7 +95,7 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 
-def _linear_light(path: str, encoding: str) -> np.ndarray:
+def _linear_light(path: str, encoding: str, whole: bool) -> np.ndarray:
     """Image of a file as linear light. Shape: (H, W, 3)."""
     try:
         with open(path, "rb") as file:
@@ -103,9 +106,9 @@ def _linear_light(path: str, encoding: str) -> np.ndarray:
         raise UserError("is empty; save the picture anew")
     read = next((reader for magic, reader in READERS.items() if head.startswith(magic)), None)
     if read is None:
-        raise UserError("is not a PNG, JPEG or EXR picture; save it as one of them")
+        raise UserError("is not a PNG, JPEG, EXR or HDR picture; save it as one of them")
     try:
-        return _converted(read(path), encoding)
+        return _converted(read(path), encoding, whole)
     except UserError:
         raise
     except MemoryError:
@@ -115,10 +118,10 @@ def _linear_light(path: str, encoding: str) -> np.ndarray:
         raise UserError(f"is damaged or has no pixels ({_reason(error)}); save it anew") from None
 
 
-def _converted(values: np.ndarray, encoding: str) -> np.ndarray:
+def _converted(values: np.ndarray, encoding: str, whole: bool) -> np.ndarray:
     """Linear light from the numbers of a file.
 
-    values: unsigned integers or floats.
+    values: unsigned integers or floats. whole: as in read_image.
 
     Shapes: values (H, W, 1) or (H, W, 3); result (H, W, 3).
     """
@@ -129,7 +132,7 @@ def _converted(values: np.ndarray, encoding: str) -> np.ndarray:
         levels = codes / codes[-1]
         light = (linear(levels) if srgb else levels).astype(np.float32)[values]
     else:
-        light = _checked_light(linear(values.astype(np.float64)) if srgb else values)
+        light = _checked_light(linear(values.astype(np.float64)) if srgb else values, whole)
     return np.ascontiguousarray(np.broadcast_to(light, (*light.shape[:2], 3)))
 
 
@@ -187,14 +190,16 @@ def _exr(path: str) -> np.ndarray:
     return values.astype(np.float32)
 
 
-def _checked_light(light: np.ndarray) -> np.ndarray:
+def _checked_light(light: np.ndarray, whole: bool) -> np.ndarray:
     """Light as float32, with 0 in place of negative numbers. Raises UserError if a number is not finite or too large.
-    Shape: (H, W, C)."""
-    invalid = ~(light <= BRIGHTEST) | np.isneginf(light)
+    Shape: (H, W, C). whole: as in read_image."""
+    invalid = ~((light >= 0) & (light <= BRIGHTEST)) if whole else ~(light <= BRIGHTEST) | np.isneginf(light)
     if invalid.any():
         y, x, channel = np.argwhere(invalid)[0]
-        value = f"{light[y, x, channel]:g}"
-        raise UserError(f"is {value} at pixel (x {x}, y {y}); a colour is a number from 0 to {BRIGHTEST:g}")
+        others = int(invalid.any(2).sum()) - 1 if whole else 0
+        more = f" and wrong at {others} more" if others else ""
+        value = f"{light[y, x, channel]:g} at pixel (x {x}, y {y}){more}"
+        raise UserError(f"is {value}; a colour is a number from 0 to {BRIGHTEST:g}")
     return np.maximum(light, 0).astype(np.float32)
 
 
@@ -203,4 +208,5 @@ READERS = {
     b"\x89PNG\r\n\x1a\n": partial(_decoded, PngImageFile),
     b"\xff\xd8\xff": partial(_decoded, JpegImageFile),
     b"v/1\x01": _exr,
+    MAGIC: read_hdr,
 }

@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from visray.environment_map import EnvironmentMap
 from visray.errors import UserError
+from visray.images.environment import read_map
 from visray.images.reading import read_image
 from visray.named_files import stamp_of
 from visray.scene.scene import Scene
@@ -92,12 +94,18 @@ class FileWatch:
 
 
 def _check_images(scene: Scene) -> None:
-    """Raises UserError if the image of a texture cannot be read. All other files are read with the scene."""
+    """Raises UserError if the image of a texture or the environment map cannot be read. All other files are read with
+    the scene."""
     images = ((name, texture) for name, texture in scene.textures.items() if getattr(texture, "file", None))
     flaws = []
     for name, texture in images:
         try:
             read_image(texture.file, texture.encoding, f"textures.{name}.file")
+        except UserError as error:
+            flaws += error.lines
+    if isinstance(scene.background, EnvironmentMap):
+        try:
+            read_map(scene.background)
         except UserError as error:
             flaws += error.lines
     if flaws:

@@ -12,6 +12,7 @@ USUAL = {
     "fov": (5.0, 120.0),
     "angle": (0.0, 90.0),
     "rotate": (-180.0, 180.0),
+    "rotation": (-180.0, 180.0),
     "color.exponent": (0.1, 3.0),
 }
 # The largest number of the slider of a field with this name that contains 0.

@@ -37,7 +37,7 @@ from visray.scene.garbage import uncollected
 from visray.scene.material_flaws import material_flaws
 from visray.scene.messages import MOST, limited, line, lines
 from visray.scene.nesting_flaws import too_deep
-from visray.scene.scene import ADAPTER, DEFAULT_MATERIAL, Scene
+from visray.scene.scene import ADAPTER, DEFAULT_MATERIAL, Occlusion, Scene
 from visray.scene.shape_flaws import has_unknown_name, own_flaws, shape_named, unknown_names, uv_flaw
 from visray.scene.source import wrong_texts
 from visray.scene.transform_flaws import transform_flaw, transform_lines
@@ -187,6 +187,7 @@ def _has_own_flaws(scene: Scene) -> bool:
         shapes = *scene.geometries.values(), *scene.objects.values()
         return bool(
             _camera_flaws(scene.camera)
+            or _occlusion_flaws(scene.settings.occlusion)
             or film_flaw(scene.film)
             or any(light.flaws() for light in (scene.lights or {}).values())
             or any(shape.flaws() or transform_flaw(shape.transform) for shape in shapes)
@@ -263,6 +264,7 @@ def _all_flaws(scene: Scene) -> Iterator[str]:
 def _flaws_at_rest(scene: Scene) -> Iterator[str]:
     """The flaws of a scene, without those of its animation."""
     yield from _camera_flaws(scene.camera)
+    yield from _occlusion_flaws(scene.settings.occlusion)
     if flaw := film_flaw(scene.film):
         yield line(*flaw)
     yield from material_flaws(scene)
@@ -319,6 +321,19 @@ def _placement_flaw(scene: Scene, instance: Instance) -> str | None:
     steps = scene.geometries[instance.geometry].transform
     flaw = transform_flaw(steps + instance.transform) if steps and instance.transform else None
     return flaw and f"after the transform of geometries.{instance.geometry}, {flaw}"
+
+
+def _occlusion_flaws(occlusion: Occlusion) -> list[str]:
+    """List with the error of the occlusion, if it has one: the background's light without rays that bring it."""
+    if occlusion.light == "ambient" or occlusion.sky:
+        return []
+    return [
+        line(
+            "settings.occlusion.light",
+            occlusion.light,
+            "needs rays that bring it; set settings.occlusion.sky, to 16 say",
+        )
+    ]
 
 
 def _camera_flaws(camera: Camera | None) -> list[str]:

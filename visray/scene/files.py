@@ -78,6 +78,8 @@ def placed(raw: Any, folder: Path, allow_outside: bool) -> tuple[Any, list[str]]
         section: {name: moved_entry(f"{section}.{name}", x, WITH_FILES[section]) for name, x in entries.items()}
         for section, entries in sections.items()
     }
+    if isinstance(raw.get("background"), dict):
+        new["background"] = moved("background", raw["background"], "file", lambda _: [0.0, 0.0, 0.0])
     data = raw.get("data")
     if isinstance(data, dict) and isinstance(data.get("layers"), dict):
         layers = data["layers"].items()

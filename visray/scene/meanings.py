@@ -14,6 +14,7 @@ from visray.data.data_scene import Data
 from visray.data.layer import DataLayer, RowEdit
 from visray.data.legend import Legend
 from visray.data.size_rule import SizeRule
+from visray.environment_map import EnvironmentMap
 from visray.filters import GaussianFilter, MitchellFilter, ReconstructionFilter
 from visray.lights.light import AreaLight
 from visray.materials import Material
@@ -35,7 +36,7 @@ MEANINGS: dict[type, dict[str, str]] = {
     Scene: {
         "camera": "where you look from, and where to; perspective if it has no type; null: one is fitted that shows "
         "all that is bounded",
-        "background": "colour of rays that hit nothing: a colour, or a gradient",
+        "background": "light of rays that hit nothing: a colour, a gradient, or an environment map",
         "textures": "textures by name",
         "materials": "materials by name",
         "lights": "lights by name; {}: none; null: a key light and a fill light are fitted",
@@ -78,6 +79,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "sky": "number of rays per point that measure how much of the sky is visible, from 0 to 65536",
         "near": "number of rays per point that measure how near other surfaces are, from 0 to 65536",
         "hemisphere": "distribution of the rays: cosine, or box as in the original VisRayTrace",
+        "light": "what sky rays that hit nothing bring: the scene's ambient, or the background",
     },
     Scatter: {
         "rays": "number of rays from each point that the camera sees, from 0 to 65536",
@@ -98,6 +100,9 @@ MEANINGS: dict[type, dict[str, str]] = {
         "shading": "lit, or unlit: the surface shows kd or its texture as it is, whatever light falls on it",
         "back": "the name of the material of the side that the normal points away from, or null: the same one",
     },
+    EnvironmentMap: {
+        "file": "path of the picture, relative to the scene file: EXR, HDR, PNG or JPEG, twice as wide as high",
+    },
     Texture: {
         "scale": "repetitions of the texture per unit of u and of v, each from -1e6 to 1e6",
         "offset": "added to u and v after they are multiplied by scale; each from -1e6 to 1e6",
@@ -106,7 +111,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "file": "path of the image, relative to the scene file",
         "filter": "nearest: the colour of one pixel; bilinear: a blend of four",
         "wrap": "how the image continues beyond its edges; a pair is for u and for v",
-        "encoding": "encoding of the numbers in the file; auto means srgb for PNG and JPEG, and linear for EXR",
+        "encoding": "encoding of the numbers in the file; auto means srgb for PNG and JPEG, and linear for EXR and HDR",
     },
     AreaLight: {"samples": "light samples per shaded point, from 1 to 65536"},
     Primitive: {

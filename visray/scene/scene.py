@@ -15,6 +15,7 @@ from visray import lights, modes, primitives, textures
 from visray.animation.animation import Animation
 from visray.data.all_objects import AllObjects, address_of
 from visray.data.data_scene import Data
+from visray.environment_map import EnvironmentMap
 from visray.materials import Material
 from visray.named_files import DIGESTS
 from visray.primitives.csg_bodies import Body, separate_bodies
@@ -44,6 +45,19 @@ class SkyGradient:
     bottom: Color = field(kw_only=False)
 
 
+def _background_type(raw: Any) -> str:
+    """Name of the type of a background, given as a dict, as an instance, or as a colour."""
+    if isinstance(raw, dict):
+        return "SkyGradient" if raw.keys() & {"top", "bottom"} or not raw else "EnvironmentMap"
+    return type(raw).__name__ if isinstance(raw, SkyGradient | EnvironmentMap) else "color"
+
+
+Background = Annotated[
+    Annotated[SkyGradient, Tag("SkyGradient")]
+    | Annotated[EnvironmentMap, Tag("EnvironmentMap")]
+    | Annotated[Color, Tag("color")],
+    Discriminator(_background_type),
+]
 Rays = Annotated[int, Field(strict=True, ge=0, le=2**16)]
 Depth = Annotated[int, Field(strict=True, ge=0, le=1000)]
 
@@ -61,6 +75,7 @@ class Occlusion:
     distance: length of the `near` rays.
     hemisphere: distribution of the rays. `cosine`: density proportional to the cosine with the normal. `box`: rays
         toward uniformly distributed points in the volume of a half cube, as in the original VisRayTrace.
+    light: what the rays of `sky` that hit nothing bring: the scene's `ambient`, or the `background` in their direction.
     """
 
     __pydantic_config__ = STRICT
@@ -68,6 +83,7 @@ class Occlusion:
     near: Rays = 0
     distance: Length = 1.0
     hemisphere: Literal["cosine", "box"] = "cosine"
+    light: Literal["ambient", "background"] = "ambient"
 
 
 @record_kind
@@ -146,7 +162,7 @@ class Scene(Buildable):
     __pydantic_config__ = STRICT
     camera: Camera | None = None
     film: Film = field(default_factory=Film)
-    background: SkyGradient | Color = SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
+    background: Background = SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
     ambient: Color = (0.2, 0.2, 0.2)
     textures: dict[Name, Texture] = field(default_factory=dict)
     materials: dict[Name, Material] = field(default_factory=dict)
@@ -257,8 +273,9 @@ class Scene(Buildable):
         return resolved(obj, self.geometries)
 
     def hash(self) -> str:
-        """SHA-256 of the scene's canonical JSON, and of the contents of all files that it names: textures, meshes and
-        tables. Equal scenes with equal files have equal hashes. A file that has not changed is read once."""
+        """SHA-256 of the scene's canonical JSON, and of the contents of all files that it names: textures, environment
+        maps, meshes and tables. Equal scenes with equal files have equal hashes. A file that has not changed is read
+        once."""
         return hashlib.sha256(ADAPTER.dump_json(self, context={DIGESTS: True})).hexdigest()
 
 

@@ -25,6 +25,7 @@ from visray.data.legend import Legend
 from visray.data.number_column import NumberColumn
 from visray.data.size_rule import SizeRule
 from visray.data.source import TableValue
+from visray.environment_map import EnvironmentMap
 from visray.materials import Material
 from visray.meshes.reading import files_of_mesh
 from visray.number_table import NumberTable
@@ -62,6 +63,7 @@ KINDS = (
     cameras.Shutter,
     Film,
     SkyGradient,
+    EnvironmentMap,
     Settings,
     Occlusion,
     Scatter,
@@ -126,7 +128,7 @@ def _warn_of_files_outside(scene: Scene, folder: str | Path) -> None:
 
 
 def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
-    """The scene with other paths of texture, mesh and data files.
+    """The scene with other paths of texture, map, mesh and data files.
 
     renamed: function that returns the new path for each path.
     """
@@ -147,7 +149,10 @@ def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
         sources = {name: layer.source for name, layer in data.layers.items() if isinstance(layer.source, str)}
         layers = {name: replace(data.layers[name], source=renamed(source)) for name, source in sources.items()}
         data = replace(data, layers=data.layers | layers) if layers else data
-    return replace(scene, data=data, **{name: moved(getattr(scene, name)) for name in WITH_FILES})
+    background = moved_entry(scene.background)
+    return replace(
+        scene, data=data, background=background, **{name: moved(getattr(scene, name)) for name in WITH_FILES}
+    )
 
 
 def files_of(scene: Scene) -> tuple[str, ...]:

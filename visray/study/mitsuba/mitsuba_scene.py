@@ -1,4 +1,5 @@
-"""The Mitsuba side of the check. Only this module and blinn_phong_bsdf import Mitsuba.
+"""The Mitsuba side of the check. Only this module, blinn_phong_bsdf and mitsuba_environment
+import Mitsuba.
 
 The camera is the origin of Mitsuba's coordinates. Objects are moved there in double precision, before their numbers are
 rounded to single precision.
@@ -10,6 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from visray.environment_map import EnvironmentMap
 from visray.lights.light import Light
 from visray.materials import Material
 from visray.primitives.mesh import Mesh
@@ -17,6 +19,7 @@ from visray.primitives.primitive import MitsubaShapes
 from visray.scene.scene import Scene, SkyGradient
 from visray.study.mitsuba import light_falloff
 from visray.study.mitsuba.blinn_phong_bsdf import DIFFUSE, GLOSSY, VARIANT
+from visray.study.mitsuba.mitsuba_environment import environment_light
 from visray.study.mitsuba.placed_shapes import object_rounding, placed_shapes
 from visray.study.mitsuba.shadow_rays import ShadowRays
 from visray.study.mitsuba.surface_colours import SurfaceColours
@@ -185,6 +188,8 @@ def _sky(scene: Scene, rays: Rays) -> np.ndarray:
     if scene.film.transparent:
         return np.zeros(rays.d.shape)
     sky = scene.background
+    if isinstance(sky, EnvironmentMap):
+        return environment_light(sky, rays.direction())
     top, bottom = (np.array(c, float) for c in ((sky.top, sky.bottom) if isinstance(sky, SkyGradient) else (sky, sky)))
     return bottom + (0.5 + 0.5 * rays.direction()[:, 1:2]) * (top - bottom)
 

@@ -15,6 +15,7 @@ from visray import indirect as paths
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
 from visray.address_index import AddressIndex
+from visray.background import background
 from visray.columns import Columns, materials_of
 from visray.data.all_objects import address_of
 from visray.errors import UserError
@@ -119,7 +120,7 @@ class _Walk:
         if not self.first(si.hit.valid):
             sky = paths.miss_radiance(s, ray.d)
             if way == "camera":
-                sky = s.a.V(0) if s.transparent else paths.background(s, ray.d)
+                sky = s.a.V(0) if s.transparent else background(s, ray.d)
             own = self.first(sky)
             return SurfaceStory(way, factor, None, _product(factor, own), own)
         name = self.objects[int(self.first(object_of(s, si.hit)))]

@@ -12,6 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "reference"), str(ROOT / "docs")]
 import conf  # noqa: E402 - from a folder that the line above adds
 import docs_api  # noqa: E402 - likewise
+import docs_gallery  # noqa: E402 - likewise
 
 
 def test_each_public_name_is_on_one_page_of_the_reference():
@@ -75,3 +76,18 @@ def test_a_docstring_becomes_restructured_text():
 def test_a_signature_has_no_types():
     assert docs_api.signature(vr.Sphere).startswith("(*, material='default', transform=()")
     assert docs_api.signature(vr.value) == f"({', '.join(inspect.signature(vr.value).parameters)})"
+
+
+def test_the_gallery_shows_every_scene_with_its_picture():
+    assert set(docs_gallery.lines()) == docs_gallery.names(), "give each scene its line in reference/docs_gallery.py"
+    assert docs_gallery.PAGE.read_text() == docs_gallery.markdown(), "run: python reference/docs_gallery.py"
+    assert {path.stem for path in docs_gallery.PICTURES.glob("*.png")} == docs_gallery.names()
+
+
+def test_a_scene_is_in_one_group_of_the_gallery():
+    assert sum(len(group) for group in docs_gallery.SCENES.values()) == len(docs_gallery.lines())
+
+
+@pytest.mark.parametrize("name, legend, size", [("earth", False, (240, 240)), ("heart", False, (320, 200))])
+def test_a_picture_of_the_gallery_has_the_shape_of_the_film(name, legend, size):
+    assert docs_gallery.size_of(name, legend) == size

@@ -6,6 +6,7 @@
     python reference/docs_pictures.py film-filters       # fine stripes with each filter of pixels
     python reference/docs_pictures.py surfaces           # the contact sheet of the known surfaces
     python reference/docs_pictures.py surface            # surfaces of formulas side by side
+    python reference/docs_pictures.py troubles           # a ball as it should be, and what may be wrong with a picture
 
 The scene "everything" is the picture at the top of README.md.
 """
@@ -54,6 +55,15 @@ FORMULAS = {"x^2 + y^2 - z^2 - a": {"a": 0.5}, "z = x^3 - 3xy^2": {}, "x²y² + 
 FORMULA_SIZE = (240, 240)
 # The frame that is shown sharp and blurred: scene, seconds, size, and frames per second.
 BLUR = "bouncing-balls", 0.98, (400, 225), 10.0
+# Pictures of docs/troubleshooting.md side by side: for each, changes to the first one, and its samples per pixel.
+TROUBLES = (
+    ({}, 64),
+    ({"lights.lamp.position": (0, -5, 0)}, 64),
+    ({"lights.lamp.intensity": 6.0}, 64),
+    ({"lights.lamp.radius": 3.0}, 1),
+    ({"camera.fov": 12.0}, 64),
+)
+TROUBLES_SIZE = (190, 150)
 # Scenes of pages that have a picture, by the name of the picture: the page, the number of the scene among those of the
 # page, and the options of `visray render`.
 SCENES = {
@@ -163,6 +173,24 @@ def film_filters() -> None:
     beside("film-filters", [vr.Image({"RGB": x["RGB"].repeat(ENLARGED, 0).repeat(ENLARGED, 1)}) for x in shown])
 
 
+def troubles() -> None:
+    """Renders a red ball as it should be, in the dark, too bright, with noise, and cut off by the picture's edge."""
+    scene = vr.Scene(
+        camera=vr.Camera(origin=(0, 1.7, 6), target=(0, 0.85, 0), fov=28),
+        film=vr.Film(width=TROUBLES_SIZE[0], height=TROUBLES_SIZE[1]),
+        lights={"lamp": vr.SphereLight(position=(3, 5, 4), radius=0.5)},
+        materials={"red": vr.Material(kd=(0.7, 0.06, 0.03))},
+        objects={"floor": vr.Plane(), "ball": vr.Sphere(center=(0, 0.8, 0), radius=0.8, material="red")},
+    )
+    images = []
+    for changes, spp in TROUBLES:
+        changed = scene
+        for address, value in changes.items():
+            changed = vr.replaced(changed, address, value)
+        images.append(vr.render(changed, spp=spp, layers=("RGB",)))
+    beside("troubles", images)
+
+
 def surfaces() -> None:
     """Makes the contact sheet of the known surfaces."""
     target = DOCS / "surfaces.png"
@@ -189,10 +217,9 @@ def beside(name: str, images: list[vr.Image]) -> None:
 if __name__ == "__main__":
     if len(sys.argv) == 1:
         scenes_of_pages()
-    for scene_name in sys.argv[1:] or (*GALLERY, *STRIPS, "blur", "film-filters", "surface", "surfaces"):
-        if own := {"blur": blur, "film-filters": film_filters, "surface": formulas, "surfaces": surfaces}.get(
-            scene_name
-        ):
-            own()
+    own = {"blur": blur, "film-filters": film_filters, "surface": formulas, "surfaces": surfaces, "troubles": troubles}
+    for scene_name in sys.argv[1:] or (*GALLERY, *STRIPS, *own):
+        if scene_name in own:
+            own[scene_name]()
         else:
             (strip if scene_name in STRIPS else picture)(scene_name)

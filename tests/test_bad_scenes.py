@@ -303,7 +303,7 @@ NAN = float("nan")
 WRONG = {
     "materials.glass.ior": (0.0, -1.0, 1e-3, 101.0, NAN, "glass"),
     "materials.glass.dmax": (0.0, -1.0, NAN, float("inf")),
-    "materials.glass.kt": ((1.5, 0.0, 0.0), (0.0, -0.1, 0.0), (NAN, 0.0, 0.0), 0.5),
+    "materials.glass.kt": ((1.5, 0.0, 0.0), (0.0, -0.1, 0.0), (NAN, 0.0, 0.0), 1.5, "clera"),
     "materials.glass.kr": ((0.0, 0.0, 1.0001), (0.0, 0.0)),
     "lights.pane.samples": (0, -1, 2**16 + 1, 1.5),
     "lights.pane.height": ((2.0, 0.0, 0.0), (0.0, 0.0, 0.0)),

@@ -13,7 +13,7 @@ from solids import CUBE
 import visray as vr
 from visray.cli import main
 from visray.features import features
-from visray.material_report import MaterialWarning, energy_notes, sheet_notes
+from visray.material_report import MaterialWarning, color_notes, energy_notes, sheet_notes
 from visray.primitives import Polynomial
 
 GLASS = vr.Material(kt=(0.9, 0.9, 0.9), kd=(0.0, 0.0, 0.0), ior=1.5)
@@ -164,3 +164,28 @@ def test_the_command_line_says_both(tmp_path: Any, capsys: Any) -> None:
     assert main(["explain", str(path)]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "objects.rod" in out and "kr + kd = 1.6 is above 1" in out
+
+
+def test_a_colour_of_a_screen_that_is_written_as_light_is_noted() -> None:
+    """Lights may be bright, and what is below 10 is taken as it is."""
+    materials = {"m": vr.Material(kd=(200, 30, 30), ka=(0, 12.5, 0), ks=(9.9, 0, 0)), "n": vr.Material(ks=(300, 0, 0))}
+    made = replace(
+        scene_of({"x": vr.Sphere(material="m")}, **materials),
+        textures={"t": vr.CheckerTexture(a=(255, 255, 255))},
+        background=vr.SkyGradient(top=(0, 0, 128), bottom=(1, 1, 1)),
+        lights={"lamp": vr.PointLight(position=(0, 5, 5), Id=(100, 100, 100))},
+    )
+    found = color_notes(made)
+    assert found[1] == (
+        "materials.m.kd = [200, 30, 30]: is up to 200 times as bright as white; a colour of a screen, whose numbers go "
+        'to 255, is written "#c81e1e"'
+    )
+    addresses = ["materials.m.ka", "materials.m.kd", "textures.t.a", "background.top"]
+    assert [text.split(" = ")[0] for text in found] == addresses
+    with pytest.warns(MaterialWarning, match=r"materials\.m\.kd = \[200, 30, 30\]: is up to 200 times"):
+        vr.prepare(made)
+    assert set(found) <= set(vr.explain(made).notes)
+    assert [x.split(" = ")[0] for x in color_notes(vr.Scene(background=(70, 80, 90), ambient=50.0))] == [
+        "background",
+        "ambient",
+    ]

@@ -180,7 +180,7 @@ def test_names():
         ([], "", "has fewer than two colours"),
         (["red"], "", "has fewer than two colours"),
         (["red", "blu"], "1", 'unknown colour; did you mean "blue"?'),
-        (["red", "#12345"], "1", "is no colour; after # there are 6 digits from 0 to f, or 3"),
+        (["red", "#12345"], "1", "is no colour; after # there are six digits from 0 to f, or three"),
         ([(0, 0, 255), "red"], "0", "is beyond 1; divide numbers from 0 to 255 by 255"),
         ([(0, 0, -0.1), "red"], "0", "must be three numbers from 0 to 1"),
         ([(0, 0, np.nan), "red"], "0", "must be three numbers from 0 to 1"),

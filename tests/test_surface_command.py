@@ -118,3 +118,22 @@ def test_a_live_picture_is_that_of_the_same_scene(capsys, monkeypatch):
     assert said(capsys, "heart", "--view", "--save", "heart.json")[0] == 0 and seen.get("port") is None
     assert seen["file"] == Path("heart.json") and seen["scene"] == vr.load("heart.json")
     assert seen["command"] == ["visray", "view", "heart.json"] and vr.load("heart.json") == vr.surface_scene("heart")
+
+
+def test_colours_have_names(capsys):
+    words = *SMALL, "--quiet", "--color", "tomato", "--inside", "#c33", "--save", "s.json"
+    assert said(capsys, "x + y = z", *words)[0] == 0
+    saved = vr.load("s.json").materials
+    assert saved["outside"].kd == vr.Material(color="tomato").kd and saved["inside"].kd == vr.Material(color="#c33").kd
+    made = vr.surface_scene("x + y = z", color="tomato", inside="#c33").materials
+    assert (made["outside"].kd, made["inside"].kd) == (saved["outside"].kd, saved["inside"].kd)
+    for color, flaw in (
+        ("tomto", "--color = 'tomto': unknown colour; did you mean \"tomato\"?"),
+        ("200,30,30", "each from 0 to 1; a colour of a screen is written #c81e1e"),
+        ("rgb(200,30,30)", 'is no colour here; write "#c81e1e"'),
+        ("1,2", "--color = '1,2': must be three numbers"),
+    ):
+        code, _, err = said(capsys, "x + y = z", *SMALL, "--color", color)
+        assert code == 2 and flaw in err and err.count("\n") == 1
+    with pytest.raises(vr.UserError, match=r"inside = .#ff6347aa.: a colour has no alpha here"):
+        vr.surface_scene("x + y = z", inside="#ff6347aa")

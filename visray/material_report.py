@@ -3,6 +3,7 @@
 import numpy as np
 
 from visray import modes
+from visray.colors import hexadecimal, looks_like_bytes
 from visray.data.all_objects import address_of
 from visray.feature_rules import used_materials
 from visray.features import Features
@@ -10,7 +11,7 @@ from visray.geometry import gamma
 from visray.materials import Material
 from visray.operands import named_operands
 from visray.primitives.primitive import Primitive
-from visray.scene.scene import Scene
+from visray.scene.scene import Scene, SkyGradient
 from visray.textures import CheckerTexture
 from visray.warn import warn
 
@@ -55,6 +56,32 @@ def _of_sheets(scene: Scene, material: str, kind: str, advice: str, names: list[
         f"{address_of(names[0])}{more}: a {kind} that is open bends no light, although materials.{material} has kt and "
         f"the ior {ior:g}; {advice}, or write the ior 1 if light shall go straight through"
     )
+
+
+def warn_of_large_colors(scene: Scene) -> None:
+    """Warns of colours that are meant to be those of a screen, from 0 to 255, and are written as linear light. Each is
+    shown once."""
+    for text in color_notes(scene):
+        warn(text, MaterialWarning)
+
+
+def color_notes(scene: Scene) -> list[str]:
+    """A list with a sentence for each colour of a material, a checker or the surroundings that is so large that numbers
+    from 0 to 255 must be meant. Light may be so bright: lights and emission are left out."""
+    holders = {f"materials.{name}": (m, ("ka", "kd", "ks")) for name, m in scene.materials.items()}
+    textures = scene.textures.items()
+    holders |= {f"textures.{name}": (t, ("a", "b")) for name, t in textures if isinstance(t, CheckerTexture)}
+    sky = scene.background
+    if isinstance(sky, SkyGradient):
+        holders["background"] = sky, ("top", "bottom")
+    found = {f"{owner}.{name}": getattr(x, name) for owner, (x, names) in holders.items() for name in names}
+    found |= {name: getattr(scene, name) for name in ("background", "ambient")}
+    return [
+        f"{address} = [{', '.join(f'{x:g}' for x in color)}]: is up to {max(color):g} times as bright as white; "
+        f'a colour of a screen, whose numbers go to 255, is written "{hexadecimal(color)}"'
+        for address, color in found.items()
+        if isinstance(color, tuple) and looks_like_bytes(color)
+    ]
 
 
 def energy_notes(scene: Scene) -> list[str]:

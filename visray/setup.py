@@ -22,7 +22,7 @@ from visray.errors import UserError
 from visray.features import Features, features
 from visray.images.environment import pack_map
 from visray.kernel_scene import KernelScene, kernel_scene
-from visray.material_report import warn_of_sheets
+from visray.material_report import warn_of_large_colors, warn_of_sheets
 from visray.mesh_report import warn_of_meshes
 from visray.pack import Packed, pack
 from visray.pass_timer import PassTimer
@@ -160,6 +160,7 @@ def prepare(
     warn_of_environment(scene)
     effects, packed = features(scene, wrt, everything, without), pack(differentiable(scene, wrt) if wrt else scene, a)
     warn_of_sheets(scene, effects)
+    warn_of_large_colors(scene)
     if attach is not None:
         attach(packed)
     sky = scene.background

@@ -62,9 +62,9 @@ def surface_command(
         ),
     ] = None,
     color: Annotated[
-        str | None, Parameter(help="RED,GREEN,BLUE from 0 to 1: colour of the side that is seen more.")
+        str | None, Parameter(help="Colour of the side that is seen more: a name, #rrggbb, or 0.8,0.3,0.1 (linear).")
     ] = None,
-    inside: Annotated[str | None, Parameter(help="RED,GREEN,BLUE: colour of the other side.")] = None,
+    inside: Annotated[str | None, Parameter(help="Colour of the other side, in the same way.")] = None,
     save: Annotated[Path | None, Parameter(help="Write the scene to this .json file.")] = None,
     set: Settings = [],  # noqa: B006 - the name of the option; only read
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels. Default: 640x640.")] = None,
@@ -96,7 +96,7 @@ def surface_command(
         warnings.simplefilter("ignore")
     _check_one_formula(formula, more_words, param)
     numbers, texts = _parse_parameters(param), {"--color": color, "--inside": inside}
-    colors = [_parse_triple(option, text, "0.8,0.3,0.1") for option, text in texts.items()]
+    colors = [_parse_color(option, text) for option, text in texts.items()]
     direction, film = _parse_triple("--from", towards, "1,-2,1"), parse_size(size)
     showing = Showing.of(show, preview, json)
     reserve(output, json=json, preview=showing.screen is not None)
@@ -196,6 +196,18 @@ def _parse_triple(option: str, text: str | None, example: str) -> tuple[float, f
     if len(numbers) != 3 or not all(map(isfinite, numbers)):
         raise UserError(f"{option} = {text!r}: must be three numbers with commas between, such as {example}")
     return numbers
+
+
+def _parse_color(option: str, text: str | None) -> tuple[float, float, float] | None:
+    """The colour that a text spells, in linear light; None if there is no text."""
+    if text is None or ("," in text and not text.lower().startswith("rgb")):
+        return _parse_triple(option, text, "0.8,0.3,0.1")
+    from visray.colors import color_of_text
+
+    try:
+        return color_of_text(text)
+    except ValueError as error:
+        raise UserError(f"{option} = {text!r}: {error}") from None
 
 
 @contextmanager

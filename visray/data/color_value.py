@@ -4,12 +4,12 @@ All of them are sRGB, as on a screen.
 """
 
 import re
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
-from visray.colors import is_number
+from visray.colors import FORMS as SCENE_FORMS
+from visray.colors import bytes_of_text, is_number
 from visray.quantities import Real
 
 ColorValue = str | tuple[Real, Real, Real]
@@ -55,15 +55,13 @@ def is_triple(value: Any) -> bool:
 
 def _text_numbers(text: str) -> tuple[float, float, float]:
     """The numbers of a colour that is written as text."""
-    if is_hex(text):
-        digits = text[1:] if len(text) == 7 else "".join(2 * d for d in text[1:])
-        return tuple(int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
-    if text.startswith("#"):
-        raise ValueError("is no colour; after # there are 6 digits from 0 to f, or 3")
-    from matplotlib import colors
+    try:
+        return tuple(x / 255 for x in bytes_of_text(text))
+    except ValueError as error:
+        flaw = str(error).replace(SCENE_FORMS, FORMS)
+    from matplotlib import colors  # which knows more names, such as tab:blue
 
     named = colors.get_named_colors_mapping()
     if text.lower() not in named:
-        near = get_close_matches(text.lower(), colors.CSS4_COLORS, 1)
-        raise ValueError(f'unknown colour; did you mean "{near[0]}"?' if near else f"unknown colour; write {FORMS}")
+        raise ValueError(flaw)
     return colors.to_rgb(named[text.lower()])

@@ -7,8 +7,8 @@ from visray.materials import Material
 
 # Linear colours of the side of the surface that is seen more, and of the other.
 WARM, COOL = (0.8, 0.22, 0.04), (0.03, 0.22, 0.48)
-# Share of its kd that is the ka of a material, and the light that it shows then, which is less in hollows.
-AMBIENT, AMBIENT_LIGHT = 0.25, (1.0, 1.0, 1.0)
+# Light from everywhere, which is less in hollows. A surface shows its colour times it.
+AMBIENT_LIGHT = (0.25, 0.25, 0.25)
 SHINE, SHININESS = 0.3, 80.0
 BACKGROUND = PAPER
 # The key light is higher than over a map, so that the shapes of hollows are seen.
@@ -32,5 +32,4 @@ def materials(front: np.ndarray, outside: tuple | None, inside: tuple | None) ->
 
 def _material(color: tuple, back: str | None) -> Material:
     """A material with a colour, a soft highlight, and the material of its other side."""
-    ka = tuple(round(AMBIENT * x, 4) for x in color)
-    return Material(ka=ka, kd=tuple(map(float, color)), ks=(SHINE,) * 3, shininess=SHININESS, back=back)
+    return Material(kd=tuple(map(float, color)), ks=(SHINE,) * 3, shininess=SHININESS, back=back)

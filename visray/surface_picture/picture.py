@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from visray.colors import hexadecimal, looks_like_bytes
 from visray.errors import UserError
 from visray.quantities import FARTHEST
 from visray.scene.film import Film
@@ -63,7 +64,12 @@ class Wishes:
         for name, color in (("color", self.color), ("inside", self.inside)):
             if color is not None and not all(0 <= x <= 1 for x in color):
                 shown = ",".join(f"{x:g}" for x in color)
-                raise UserError(f"--{name} = {shown}: must be red, green and blue, each from 0 to 1")
+                raise UserError(f"--{name} = {shown}: must be red, green and blue, each from 0 to 1{_screen(color)}")
+
+
+def _screen(color: Triple) -> str:
+    """What is right instead of a colour whose numbers are from 0 to 255, as the end of a sentence."""
+    return f"; a colour of a screen is written {hexadecimal(color)}" if looks_like_bytes(color) else ""
 
 
 @np.errstate(all="ignore")

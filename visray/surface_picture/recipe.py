@@ -16,6 +16,7 @@ from visray.surface_picture.reading import SURFACE
 
 # Addresses of what is fitted to a surface, beside the camera.
 FITTED = (
+    "ambient",
     *(f"objects.{SURFACE}.{name}" for name in ("clip.center", "clip.radius", "material")),
     *(f"lights.{light}.{name}" for light in ("key", "fill") for name in ("position", "radius")),
     *(f"materials.{side}.{name}" for side in (OUTSIDE, INSIDE) for name in ("back", "ka", "kd")),

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 
 from visray.arguments import checked_arguments, python_number, shown
+from visray.colors import color_of_text
 from visray.errors import UserError
 from visray.scene.adjusted import adjusted
 from visray.scene.check import checked
@@ -25,8 +26,8 @@ def surface_scene(
     size: Sequence = SIZE,
     clip: float | None = None,
     view: Sequence | None = None,
-    color: Sequence | None = None,
-    inside: Sequence | None = None,
+    color: str | Sequence | None = None,
+    inside: str | Sequence | None = None,
 ) -> Scene:
     """A scene that shows a surface f(x, y, z) = 0, with nothing else to be written.
 
@@ -35,7 +36,8 @@ def surface_scene(
     size: width and height of the picture in pixels.
     clip: radius of the ball about the origin in which the surface is drawn.
     view: direction from the surface towards the camera, as three numbers; z is upwards.
-    color, inside: linear colours of the side that is seen more, and of the other: red, green and blue.
+    color, inside: colours of the side that is seen more, and of the other: a name, "#rrggbb", or red, green and blue in
+        linear light.
 
     What is chosen and may not be expected is told by warnings. Raises a UserError if an argument is wrong.
     """
@@ -46,8 +48,8 @@ def surface_scene(
         size=film.size,
         clip=clip,
         towards=_triple("view", view),
-        color=_triple("color", color),
-        inside=_triple("inside", inside),
+        color=_color("color", color),
+        inside=_color("inside", inside),
     )
     try:
         made = surface_picture(formula, dict(parameters or {}), wishes)
@@ -57,6 +59,16 @@ def surface_scene(
     for text in made.notes:
         warnings.warn(_in_python(text), SurfaceWarning, stacklevel=3)
     return scene
+
+
+def _color(name: str, given: str | Sequence | None) -> tuple[float, float, float] | None:
+    """A colour in linear light. Raises a UserError if it is none."""
+    if not isinstance(given, str):
+        return _triple(name, given)
+    try:
+        return color_of_text(given)
+    except ValueError as error:
+        raise UserError(f"{name} = {shown(given)}: {error}") from None
 
 
 def _triple(name: str, given: Sequence | None) -> tuple[float, float, float] | None:

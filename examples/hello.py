@@ -6,7 +6,7 @@ scene = vr.Scene(
     camera=vr.Camera(origin=(0.0, 1.5, 6.0), target=(0.0, 0.7, 0.0), fov=30.0),
     film=vr.Film(width=480, height=320),
     materials={
-        "red": vr.Material(ka=(0.15, 0.03, 0.02), kd=(0.75, 0.15, 0.1), ks=(0.6, 0.6, 0.6), shininess=60.0),
+        "red": vr.Material(color="firebrick", ks=(0.6, 0.6, 0.6), shininess=60.0),
         "floor": vr.Material(kd=(0.5, 0.5, 0.5)),
     },
     lights={"key": vr.PointLight(position=(4.0, 6.0, 5.0))},

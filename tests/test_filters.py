@@ -2,6 +2,7 @@
 pixels are those of closed forms. The default filter changes no bit, and a number of a filter compiles nothing."""
 
 import re
+import warnings
 from dataclasses import fields, replace
 from math import erf, sqrt
 from pathlib import Path
@@ -243,6 +244,31 @@ def test_derivatives_are_those_of_differences(kind, light):
         assert vr.gradient(scene, address, progress=False)[address] == pytest.approx(found.mean(), rel=1e-9)
     with pytest.raises(vr.UserError, match=r"film\.filter\.radius: is not a number that a picture depends on smoothly"):
         vr.derivative(scene, "film.filter.radius", progress=False)
+
+
+@pytest.mark.parametrize("sampler", ["stratified", "independent"])
+@pytest.mark.parametrize("kind", filters.KINDS)
+def test_a_bound_of_the_error_is_stated_where_it_is_near_the_error(kind, sampler):
+    scene = vr.replaced(ball(filter=kind()), "settings.sampler", sampler)
+    stated = "error_at_most" in vr.render(scene, layers="RGB", progress=False).metadata
+    assert stated == (sampler == "independent" or not kind.may_be_negative)
+
+
+def test_edges_that_only_a_filter_reaches_are_warned_of():
+    """The rim of a ball one pixel beyond the picture."""
+    scene = vr.Scene(
+        camera=vr.OrthographicCamera(origin=(0, 0, 5), target=(0, 0, 0), height=8.0),
+        film=vr.Film(width=8, height=8),
+        lights={"key": vr.PointLight(position=(0, 0, 50))},
+        objects={"ball": vr.Sphere(radius=6.5)},
+        settings=vr.Settings(spp=1, shadows=False),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        vr.derivative(scene, "objects.ball.radius", progress=False)
+    wide = vr.replaced(scene, "film.filter", {"type": "box", "radius": 3.0})
+    with pytest.warns(vr.EdgeWarning, match="silhouettes"):
+        vr.derivative(wide, "objects.ball.radius", progress=False)
 
 
 @pytest.mark.slow

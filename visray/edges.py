@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil
 from typing import Any
 
 import drjit as dr
@@ -19,7 +20,7 @@ from visray.accel.intersect import closest
 from visray.data.all_objects import address_of
 from visray.direct import LightSample, light_sample
 from visray.interaction import interact
-from visray.kernel_scene import KernelScene
+from visray.kernel_scene import KernelScene, reach_of
 from visray.primitives.csg_operands import operands
 from visray.primitives.primitive import Primitive
 from visray.ray import NO_ROW
@@ -48,12 +49,26 @@ def _stepped(settings: Settings) -> bool:
     return model is not None and model.stepped
 
 
+def _reached(scene: Scene, s: KernelScene, x: Any, y: Any) -> tuple[Any, Any]:
+    """Columns and rows of the pixels that samples lie in: with a filter, also pixels beyond the edges of the picture.
+
+    x, y: those of the picture's pixels
+    """
+    more = ceil(reach_of(scene, s.features))
+    if not more:
+        return x, y
+    (left, top), (width, height) = scene.film.corner, scene.film.raster
+    rows, columns = np.mgrid[top - more : top + height + more, left - more : left + width + more]
+    return tuple(s.a.put(s.a.F, v.ravel().astype(float)) for v in (columns, rows))
+
+
 def warn_of_edges(scene: Scene, s: KernelScene, wrt: Sequence[str], x: Any, y: Any) -> None:
     """Warns if edges are in view that move with the value at one of the addresses `wrt`.
 
     x, y: columns and rows of the pixels
     """
     movers = [w for w in wrt if moves_edges(scene, w)]
+    x, y = _reached(scene, s, x, y)
     if movers and (edges := EdgesInView(scene, s, movers, x, y).found()):
         listed = "; ".join(kind + (f" of {_listed(where)}" if where else "") for kind, where in edges.items())
         problem = f"the picture has moving edges ({listed})"

@@ -43,6 +43,7 @@ def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dic
     """The layers of a film by name (colour, coverage, variance), and a dict of facts about the error.
 
     The fact `error_at_most` is the error that independent samples would have. With other samplers the error is smaller.
+    It is left out if these spread the negative weights of a filter evenly: it would be about ten times the error.
     After Ctrl-C, pixels may have no sample; they are transparent.
     """
     present = film.counts > 0
@@ -54,7 +55,8 @@ def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dic
         return layers, {}
     layers["variance"] = np.array(film.squares) / (film.counts - 1)
     luminance = float((LUMINANCE @ layers["RGB"]).mean())
-    if luminance <= 0:
+    places, sampler = prepared.kernel.filter, prepared.scene.settings.sampler
+    if luminance <= 0 or (places is not None and places.is_signed and sampler != "independent"):
         return layers, {}
     square = float((layers["variance"] / film.counts).mean())
     return layers, {"error_at_most": float(np.sqrt(square) / luminance)}

@@ -7,6 +7,7 @@ import numpy as np
 
 from visray.arguments import shown
 from visray.errors import UserError
+from visray.records import altered
 from visray.scene.check import checked_as_written, fitted
 from visray.scene.scene import Scene
 
@@ -41,7 +42,7 @@ def adjusted_as_written(
         if not isinstance(size, (tuple, list, np.ndarray)) or np.shape(size)[:1] != (2,):
             raise UserError(f"size = {shown(size)}: must be a width and a height, such as (640, 480)")
         film = {"width": size[0], "height": size[1], "scale": 1.0} | film
-    return checked_as_written(replace(scene, film=replace(scene.film, **film))) if changed or film else scene
+    return checked_as_written(replace(scene, film=altered(scene.film, film))) if changed or film else scene
 
 
 def smaller(scene: Scene, size: tuple[int, int]) -> Scene:

@@ -15,7 +15,6 @@ import re
 import subprocess
 import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
@@ -152,24 +151,11 @@ def formulas() -> None:
     beside("surface", [vr.render(scene, spp=64, layers=("RGB",)) for scene in scenes])
 
 
-def stripes() -> vr.Scene:
-    """A floor with fine stripes that run to the horizon."""
-    floor = vr.Rectangle(center=(0, 0, -20), width=(200, 0, 0), height=(0, 0, -60))
-    return vr.Scene(
-        camera=vr.Camera(origin=(0, 1, 6), target=(0, 0.3, 0), fov=30.0),
-        film=vr.Film(width=STRIPES_SIZE[0], height=STRIPES_SIZE[1]),
-        textures={"lines": vr.CheckerTexture(a=(0.9, 0.9, 0.9), b=(0.02, 0.02, 0.02), scale=(400.0, 0.0))},
-        materials={"paint": vr.Material(texture="lines", shading="unlit")},
-        objects={"floor": replace(floor, material="paint")},
-        background=(0.3, 0.4, 0.6),
-        lights={},
-    )
-
-
 def film_filters() -> None:
     """Renders fine stripes with each filter, side by side and enlarged, so that single pixels are seen."""
-    scenes = [vr.replaced(stripes(), "film.filter", kind.type) for kind in filters.KINDS]
-    shown = [vr.render(scene, spp=256, layers=("RGB",)) for scene in scenes]
+    scene = vr.load(ROOT / "scenes" / "stripes.json")
+    scenes = [vr.replaced(scene, "film.filter", kind.type) for kind in filters.KINDS]
+    shown = [vr.render(x, size=STRIPES_SIZE, spp=256, layers=("RGB",)) for x in scenes]
     beside("film-filters", [vr.Image({"RGB": x["RGB"].repeat(ENLARGED, 0).repeat(ENLARGED, 1)}) for x in shown])
 
 

@@ -74,7 +74,8 @@ def test_a_docstring_becomes_restructured_text():
 
 
 def test_a_signature_has_no_types():
-    assert docs_api.signature(vr.Sphere).startswith("(*, material='default', transform=()")
+    signature = docs_api.signature(vr.Sphere)
+    assert "radius=1.0" in signature and "type=" not in signature and ": " not in signature
     assert docs_api.signature(vr.value) == f"({', '.join(inspect.signature(vr.value).parameters)})"
 
 

@@ -158,6 +158,6 @@ def _hidden(probe: LightProbe, seen: SeenPoints, names: list[str]) -> str:
     if not in_way:
         return f"is behind all surfaces that are seen, such as {address_of(most)}"
     if in_way[most] and behind[most]:
-        return f"is behind {address_of(most)}, which is in its way to all else"
+        return f"is behind {address_of(most)}, which blocks its light"
     blocker = in_way.most_common(1)[0][0]
     return f"is hidden by {address_of(blocker)}" + (", or behind the surfaces that are seen" if behind else "")

@@ -1,6 +1,8 @@
 """Odd arguments of the public functions: a UserError of one line, or what was meant; never another exception."""
 
+import contextlib
 import inspect
+import json
 import sys
 import warnings
 from pathlib import Path
@@ -136,6 +138,55 @@ def test_an_image_is_an_array_for_numpy():
     np.testing.assert_array_equal(np.asarray(IMAGE), IMAGE["RGB"])
     assert np.array(IMAGE, dtype=np.float64).dtype == np.float64 and np.mean(IMAGE) == 1
     assert not np.shares_memory(np.array(IMAGE), IMAGE["RGB"])
+
+
+def test_an_image_has_its_colour_and_its_coverage():
+    np.testing.assert_array_equal(IMAGE.rgb, IMAGE["RGB"])
+    assert IMAGE.alpha.shape == (2, 3) and (IMAGE.alpha == 1).all() and not IMAGE.interrupted
+    half = vr.Image({"RGB": IMAGE["RGB"], "A": np.full((2, 3), 0.5, np.float32)}, {"interrupted": 1})
+    assert half.alpha is half["A"] and half.interrupted
+    assert np.asarray(IMAGE, copy=False) is IMAGE["RGB"] or np.shares_memory(np.asarray(IMAGE, copy=False), IMAGE.rgb)
+    with pytest.raises(ValueError, match="copy"):
+        np.asarray(IMAGE, dtype=np.float64, copy=False)
+    assert vr.Image.save is vr.Image.write
+
+
+FILE = str(SCENES / "sphere.json")
+
+
+@pytest.mark.parametrize(
+    "function", [f for f in map(vars(vr).get, dir(vr)) if inspect.isfunction(f)], ids=lambda f: f.__name__
+)
+def test_every_function_of_a_scene_takes_a_file_or_a_dict(function, no_work, tmp_path):
+    parameters = inspect.signature(function).parameters
+    if "scene" not in parameters:
+        return
+    own = {"address": "objects.large.radius", "wrt": ["objects.large.radius"], "wrts": ["objects.large.radius"],
+           "addresses": ["objects.large.radius"]}  # fmt: skip
+    required = [n for n, p in parameters.items() if p.default is p.empty and n != "scene"]
+    values = {name: own.get(name, GOOD.get(name)) for name in required}
+    moving = (
+        {"animation": {"duration": 2, "tracks": {"turn": {"type": "orbit"}}}} if function in (vr.at, vr.animate) else {}
+    )
+    values |= {"error": 0.01} if function is vr.tune else {}
+    content = json.loads(Path(FILE).read_text()) | moving
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(content))
+    for scene in (vr.load(path), str(path), path, content):
+        with contextlib.suppress(Begun):
+            function(scene, **values)
+
+
+def test_a_dict_is_a_scene():
+    content = json.loads(Path(FILE).read_text())
+    assert vr.load(content) == vr.load(FILE) and vr.load(content | {"$schema": "x"}) == vr.load(FILE)
+    assert vr.value(content, "objects.large.radius") == vr.value(FILE, "objects.large.radius")
+    mixed = vr.load({"objects": [vr.Plane(material=vr.Material(kd=(1, 0, 0))), {"type": "sphere"}]})
+    assert list(mixed.objects) == ["plane", "sphere"] and mixed.materials["plane"].kd == (1.0, 0.0, 0.0)
+    with pytest.raises(UserError, match=r"^objects.a.radius = -1: must be greater than 0$"):
+        vr.load({"objects": {"a": {"type": "sphere", "radius": -1}}})
+    with pytest.raises(UserError, match="a dict is no VisRayTrace scene"):
+        vr.load(content, compat=True)
 
 
 def test_what_is_right_is_said():

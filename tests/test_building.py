@@ -122,3 +122,30 @@ def test_without_refuses_what_is_used_and_what_is_not_there():
 def test_an_unknown_part_of_a_scene_is_told():
     with pytest.raises(TypeError, match=r"Scene\(\) has no 'object'; did you mean 'objects'"):
         vr.Scene(object={})
+
+
+def test_a_scene_is_shown_in_one_line_and_as_a_table():
+    scene = vr.Scene(objects=[vr.Plane(), vr.Sphere(), vr.Sphere(), vr.Torus(), vr.Torus(), vr.Box(), vr.Box()])
+    assert repr(scene) == ("Scene: 7 objects (2 spheres, 2 tori, 2 boxes, 1 plane), fitted lights, 640 x 480")
+    scene = vr.Scene(
+        objects={"<ball>": vr.Sphere(material="red")}, lights={}, materials={"red": RED}, film=vr.Film(32, 24),
+        animation=vr.Animation(duration=2), geometries={"a": vr.Torus(), "b": vr.Torus()},
+        data=vr.Data(base=vr.GlobeBase(), layers={"rain": vr.DataLayer(lon=[2.0], lat=[41.0])}),
+    )  # fmt: skip
+    assert repr(scene) == (
+        "Scene: 1 object (1 sphere), 2 geometries, 1 material, 1 layer of data, 2.0 s of animation, 32 x 24"
+    )
+    html = scene._repr_html_()
+    assert "<td>objects.&lt;ball&gt;</td><td><code>Sphere(material=&#x27;red&#x27;)</code></td>" in html
+    assert "Material(kd=(0.8, 0.1, 0.1))" in html and "<ball>" not in html
+    for wrong in (5, None, "x", [5], {"a": 5}, {1: None}):
+        for name in vr.Scene.__dataclass_fields__:
+            made = vr.Scene(**{name: wrong})
+            assert "\n" not in repr(made) and made._repr_html_()
+
+
+def test_what_is_prepared_and_explained_is_shown_in_one_line():
+    scene = vr.Scene(objects={"a": vr.Sphere()}, lights={"key": LIGHT}, camera=vr.Camera(), film=vr.Film(8, 6))
+    assert repr(vr.prepare(scene)) == "Prepared: 1 object (1 sphere), 1 light, 8 x 6"
+    effects = vr.explain(scene)
+    assert repr(effects).startswith(f"Features: {', '.join(effects.names())}; off: ") and "\n" not in repr(effects)

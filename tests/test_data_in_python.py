@@ -159,8 +159,8 @@ def test_other_maps_are_removed_when_python_ends(tmp_path):
         ({"places": [1]}, 'places = [1]: must be "auto", "none", "all", or a list of names'),
         ({"title": "\ud800"}, "is half a character"),
         ({"gizmo": "sphere", "height": "rain"}, "height: a sphere has no height; write radius, or take another gizmo"),
-        ({"spp": 0}, "Settings: spp = 0: must be greater than 0"),
-        ({"size": (0, 5)}, "Film: width = 0"),
+        ({"spp": 0}, "settings.spp = 0: must be greater than 0"),
+        ({"size": (0, 5)}, "film.width = 0"),
     ],
 )
 def test_messages_name_arguments(arguments, line):

@@ -65,7 +65,7 @@ data.shown_date data.data_scene data.all_objects
 animation.track animation.interpolation animation.rotations animation.curves animation.between
 animation.key_values animation.paths animation.keys animation.orbit animation.spin animation.path animation.ellipse
 animation.kinds animation.animation animation.frames animation
-scene.film scene.naming scene.building scene.scene
+scene.film scene.naming scene.building scene.summary scene.scene
 data.row_balls things blocking surroundings fitted_scene
 scene
 animation.moment

@@ -17,8 +17,19 @@ LONGEST_VALUE = 60
 ONE_MOMENT = "a prepared scene is one moment, without an animation: give the scene itself"
 
 
+class SceneFiles:
+    """How a function that takes a scene reads a file, or the dict of its content. Scenes stand above this module:
+    scene/load.py sets `read`.
+
+    read: function of a path or a dict, which returns the scene
+    """
+
+    read: Callable[[Any], Any]
+
+
 def checked_arguments(function: Callable) -> Callable:
-    """A function that checks its arguments by the annotations of its parameters. NumPy's numbers become Python's.
+    """A function that checks its arguments by the annotations of its parameters. NumPy's numbers become Python's. Where
+    a scene is asked for, a path or a dict stands for the scene of a file.
 
     Numbers are not refused here, because their own checks say more. Neither are types that this module does not know.
     """
@@ -68,6 +79,8 @@ def checked_argument(name: str, value: Any, annotation: Any) -> Any:
     kinds = list(dict.fromkeys(_described(member) for member in members))
     right = " or ".join(kinds)
     if any(getattr(member, "__name__", "") == "Scene" for member in members):
+        if isinstance(value, (str, Path, dict)):
+            return SceneFiles.read(value)
         kind = type(value).__name__
         more = f"; {ONE_MOMENT}" if kind == "Prepared" else ""
         raise UserError(f"a scene is a visray Scene, not a {kind}{more}")

@@ -10,8 +10,10 @@ from pydantic import ConfigDict
 
 from visray.named_files import FileRule
 from visray.quantities import Coordinate, Factor, Quantity
+from visray.records import record_kind
 
 
+@record_kind
 @dataclass(frozen=True)
 class EnvironmentMap:
     """Background: a picture of all directions, infinitely far away.

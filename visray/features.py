@@ -95,6 +95,11 @@ class Features:
     overlap_count: int = 0
     notes: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return (
+            f"Features: {', '.join(self.names()) or 'none'}; off: {', '.join(f.name for f in self.listed if not f.on)}"
+        )
+
     def __getitem__(self, name: str) -> bool:
         """Whether an effect is simulated. "paths" is simulated if reflection, refraction or scatter is."""
         if name == "paths":

@@ -10,6 +10,7 @@ from visray.camera import OrthographicCamera
 from visray.data.base import GlobeBase
 from visray.errors import UserError
 from visray.primitives.primitive import scalars
+from visray.scene.check import checked
 from visray.scene.scene import Scene
 
 
@@ -70,6 +71,7 @@ def projected(scene: Scene, points: Any) -> Projected:
     Shapes: points (N, 3).
     """
     p = _checked(points)
+    scene = checked(scene) if scene.camera is None else scene  # the camera is fitted
     film, matrices = scene.film, camera_matrices(scene)
     with_one = np.column_stack([p, np.ones(len(p))])
     depth = (with_one @ matrices["worldToCamera"])[:, 2]

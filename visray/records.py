@@ -149,7 +149,9 @@ def _given(annotation: Any) -> Any:
 
     def named_or_entry(value: Any, validate: Callable) -> Any:
         # Records that have entries were checked when they were made.
-        return value if is_entry(value, section) or contains_entries(value) else validate(value)
+        if is_entry(value, section) or contains_entries(value):
+            return tuple(value) if isinstance(value, list) else value
+        return validate(value)
 
     return Annotated[_without_operands(annotation), WrapValidator(named_or_entry)]
 

@@ -70,6 +70,9 @@ class Prepared:
     after: Scene | None = None
     without: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"Prepared: {repr(self.scene).removeprefix('Scene: ')}"
+
     @checked_arguments
     def updated(self, assignments: Mapping[str, Any]) -> "Prepared":
         """The prepared scene with other values at some addresses. Only what changes is checked, packed and placed

@@ -22,6 +22,7 @@ from visray.data_picture.wishes import Wishes, checked, completed, passed_over
 from visray.errors import UserError
 from visray.legend.layout import LEAST_SIDE
 from visray.materials import Material
+from visray.records import altered
 from visray.scene.film import Film
 from visray.scene.scene import Scene, Settings
 from visray.terminal import printable
@@ -103,14 +104,14 @@ def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str, animation: Anim
     }
     wrap = ("repeat", "clamp") if isinstance(data.base, GlobeBase) else "clamp"
     scene = Scene(
-        film=Film(width=width, height=height),
+        film=altered(Film(), {"width": width, "height": height}),
         background=fitting.PAPER,
         ambient=(fit.AMBIENT,) * 3,
         textures={TEXTURE: ImageTexture(file=texture, wrap=wrap)},
         materials=materials,
         data=data,
         animation=animation,
-        settings=Settings() if wishes.spp is None else Settings(spp=wishes.spp),
+        settings=Settings() if wishes.spp is None else altered(Settings(), {"spp": wishes.spp}),
     )
     return viewed(scene, rows)
 

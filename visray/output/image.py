@@ -85,10 +85,24 @@ class Image:
     def __repr__(self) -> str:
         return f"<Image {self.width} x {self.height}: {', '.join(self.layers)}>"
 
+    @property
+    def rgb(self) -> np.ndarray:
+        """The colour in linear light: layer RGB. Shape: (H, W, 3)."""
+        return self["RGB"]
+
+    @property
+    def alpha(self) -> np.ndarray:
+        """The coverage of each pixel: layer A; 1 everywhere if the picture does not have it. Shape: (H, W)."""
+        return self.layers["A"] if "A" in self.layers else np.ones((self.height, self.width), np.float32)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C ended the render, so that the picture has fewer samples than were asked for."""
+        return bool(self.metadata.get("interrupted"))
+
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        """The colour, for NumPy. Shapes: (H, W, 3)."""
-        colour = np.asarray(self["RGB"], dtype)
-        return colour.copy() if copy else colour
+        """The colour in linear light, for NumPy. copy: as in np.array. Shape: (H, W, 3)."""
+        return np.asarray(self.rgb, dtype) if copy is None else np.array(self.rgb, dtype, copy=copy)
 
     def _repr_png_(self) -> bytes | None:
         return self.png() if "RGB" in self.layers else None
@@ -130,6 +144,9 @@ class Image:
             raise UserError(f"{path}: no layers were chosen; name some of {', '.join(self.layers)}")
         facts |= {"float32": 1} if float32 else {}
         exr.write_exr(path, {name: _checked(self, name) for name in names}, facts, float32)
+
+    # The name that other libraries have for it.
+    save = write
 
     @staticmethod
     @checked_arguments

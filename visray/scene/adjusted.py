@@ -36,7 +36,8 @@ def adjusted_as_written(
     scene = checked_as_written(scene)
     changed = {k: v for k, v in settings.items() if v is not None}
     if changed:
-        scene = replace(scene, settings=replace(scene.settings, **changed))
+        # The check of the scene names the addresses of wrong values.
+        scene = replace(scene, settings=altered(scene.settings, changed))
     film = {k: v for k, v in (("scale", scale), ("region", region), ("filter", filter)) if v is not None}
     if size is not None:
         if not isinstance(size, (tuple, list, np.ndarray)) or np.shape(size)[:1] != (2,):

@@ -4,12 +4,13 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from visray.arguments import checked_arguments
+from visray.arguments import SceneFiles, checked_arguments
 from visray.errors import UserError
 from visray.scene.check import checked, examined, fitted
 from visray.scene.files import placed
 from visray.scene.legacy.convert import LegacyWarning, convert, is_legacy_scene, is_legacy_setup
 from visray.scene.messages import line
+from visray.scene.naming import named
 from visray.scene.scene import Scene
 from visray.scene.source import Source, read
 from visray.scene.write import dump, schema
@@ -20,7 +21,7 @@ __all__ = ["checked", "dump", "load", "schema"]
 
 @checked_arguments
 def load(
-    path: str | Path,
+    path: str | Path | dict,
     setup: str | Path | None = None,
     compat: bool = False,
     source: Source | None = None,
@@ -28,6 +29,8 @@ def load(
     allow_outside: bool = False,
 ) -> Scene:
     """The scene of a file in visray's format, or in the format of the original VisRayTrace.
+
+    path: the file; or a dict as json.load returns it, whose files are relative to the current folder.
 
     setup: the setup file of a VisRayTrace scene, or None.
     compat: whether a VisRayTrace scene follows VisRayTrace's rules where visray's rules differ (legacy/convert.py).
@@ -43,7 +46,7 @@ def load(
 
 
 def load_as_written(
-    path: str | Path,
+    path: str | Path | dict,
     setup: str | Path | None = None,
     compat: bool = False,
     source: Source | None = None,
@@ -51,6 +54,8 @@ def load_as_written(
     allow_outside: bool = False,
 ) -> Scene:
     """As `load`, but a camera and lights that the file does not have are None."""
+    if isinstance(path, dict):
+        return _of_dict(path, setup, compat)
     source = source or read(path)
     if is_legacy_scene(source.raw) or is_legacy_setup(source.raw):
         scene, warning_texts = convert(path, setup, compat, allow_outside)
@@ -68,6 +73,20 @@ def load_as_written(
     if flaws := [*repeated, *schema_flaws, *outside, *scene_flaws]:
         raise UserError(*(f"{path}: {text}" for text in flaws))
     return scene
+
+
+def _of_dict(raw: dict, setup: str | Path | None, compat: bool) -> Scene:
+    """The scene that a dict describes, as written. Its entries may also be records, such as vr.Sphere()."""
+    if setup is not None or compat:
+        raise UserError("a dict is no VisRayTrace scene, and only those have a setup file and their own rules")
+    rest, flaws = _without_schema(raw)
+    scene, scene_flaws = examined(named(rest))
+    if flaws := [*flaws, *scene_flaws]:
+        raise UserError(*flaws)
+    return scene
+
+
+SceneFiles.read = load_as_written
 
 
 def _without_schema(raw: Any) -> tuple[Any, list[str]]:

@@ -28,6 +28,7 @@ from visray.records import record_kind
 from visray.scene.building import Buildable
 from visray.scene.film import Film
 from visray.scene.naming import with_named_entries
+from visray.scene.summary import summary, table
 
 # Name of the material of objects that name none.
 DEFAULT_MATERIAL = "default"
@@ -172,6 +173,13 @@ class Scene(Buildable):
     data: Data | None = None
     animation: Animation | None = None
     settings: Settings = field(default_factory=Settings)
+
+    def __repr__(self) -> str:
+        return summary(self)
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        return table(self)
 
     @cached_property
     def all_objects(self) -> Mapping[str, Object]:

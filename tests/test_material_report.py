@@ -185,7 +185,7 @@ def test_a_colour_of_a_screen_that_is_written_as_light_is_noted() -> None:
     with pytest.warns(MaterialWarning, match=r"materials\.m\.kd = \[200, 30, 30\]: is up to 200 times"):
         vr.prepare(made)
     assert set(found) <= set(vr.explain(made).notes)
-    assert [x.split(" = ")[0] for x in color_notes(vr.Scene(background=(70, 80, 90), ambient=50.0))] == [
+    assert [x.split(" = ")[0] for x in color_notes(vr.Scene(background=(70, 80, 90), ambient=(50, 50, 50)))] == [
         "background",
         "ambient",
     ]

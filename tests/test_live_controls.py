@@ -418,3 +418,13 @@ def test_moving_a_slider_of_a_large_scene_compiles_nothing(name):
     counts = compilations(vr.load(SCENES / f"{name}.json"))
     assert len(counts) > 10
     assert {a: n for a, n in counts.items() if any(n[1:])} == {}
+
+
+def test_a_kd_says_whether_ka_follows():
+    materials = {"a": vr.Material(color="red"), "b": vr.Material(ka=(1, 0, 0), kd=(1, 0, 0))}
+    materials["c"] = replace(materials["b"], shading="unlit")
+    objects = {name: vr.Sphere(material=name) for name in materials}
+    controls = Controls(vr.Scene(camera=vr.Camera(), lights={}, materials=materials, objects=objects))
+    assert controls.at("materials.a.ka") is None and "ka" not in controls.at("materials.a.kd").hint
+    assert controls.at("materials.b.kd").hint.endswith("; ka is written, so that ambient light keeps its colour")
+    assert "ka" not in controls.at("materials.c.kd").hint and "ka" not in controls.at("materials.b.ks").hint

@@ -94,10 +94,18 @@ class Controls:
         """The control of an address, which may be that of a part of a vector, such as objects.ball.center.1; None if
         there is no continuous value."""
         made = data_controls.control(self.scene, address) or control(self.scene, address, self.extent)
+        if made is not None and self._leaves_ka(address):
+            made = replace(made, hint=f"{made.hint}; ka is written, so that ambient light keeps its colour")
         track = made and next((name for other, name in self.tracks.items() if within(address, other)), "")
         if not track:
             return made
         return replace(made, track=track, hint=f"{made.hint}; animation.tracks.{track} moves it")
+
+    def _leaves_ka(self, address: str) -> bool:
+        """Whether an address is the kd of a material whose ka does not follow it."""
+        section, *rest = address.split(".")
+        material = self.scene.materials.get(rest[0]) if section == "materials" else None
+        return material is not None and rest[1] == "kd" and material.ka is not None and not material.unlit
 
     @cached_property
     def tracks(self) -> dict[str, str]:

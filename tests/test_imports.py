@@ -121,9 +121,9 @@ starter
 live.fields live.ranges live.controls live.data_controls live.looks live.search live.tabs
 live
 cli.scene_files cli.words cli.quantities cli.wrong_words
-cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.showing
+cli.stuck cli.keeping cli.moment cli.candidates cli.options cli.picture_options cli.showing
 cli.standard_output cli.picture_report cli.rendering cli.frame_report cli.resuming
-cli.animating cli.studies cli.new cli.files cli.describing cli.data cli.view cli.surface cli.surfaces
+cli.animating cli.studies cli.new cli.completing cli.files cli.describing cli.data cli.view cli.surface cli.surfaces
 cli.commands cli.program cli
 public
 __init__ __main__

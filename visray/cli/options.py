@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from visray import terminal
+from visray.cli import candidates
 from visray.cli.quantities import parse_integer, parse_seconds, parse_share
 from visray.errors import UserError
 from visray.output.files import write_text
@@ -56,6 +57,7 @@ Settings = Annotated[
     list[str],
     Parameter(
         name="--set",
+        completer=candidates.addresses,
         help="ADDRESS=VALUE, such as objects.ball.radius=2 or camera.origin=0,1,5. Several may follow, with spaces or "
         "commas between. May be given more than once.",
         show_default=False,

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from visray.cli import candidates
 from visray.cli.options import Integer, Seconds, Share, flag, parse_size
 from visray.errors import UserError
 from visray.hints import hint
@@ -34,7 +35,12 @@ Filter = Annotated[
 Precision = Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")]
 Seed = Annotated[Integer | None, Parameter(help="Seed of the random numbers. Another gives other noise.")]
 Backend = Annotated[Literal["llvm", "cuda", "metal"], Parameter(help="cuda and metal are untested.")]
-Layers = Annotated[str | None, Parameter(help="Layers of the EXR file, separated by commas: see below. Default: all.")]
+Layers = Annotated[
+    str | None,
+    Parameter(
+        help="Layers of the EXR file, separated by commas: see below. Default: all.", completer=candidates.layers
+    ),
+]
 Gamma = Annotated[str, Parameter(help="Display curve of the PNG file: srgb, or an exponent such as 2.2.")]
 Exposure = Annotated[float, Parameter(help="Exposure of the PNG file, in stops: 1 is twice as bright.")]
 Float = flag("Write colours of EXR files as 32-bit floats, not halves, which end at 65504.", name="--float")

@@ -11,6 +11,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from visray import clock
+from visray.cli import candidates
 from visray.cli.options import Integer, Json, Settings, Share, Threads, app, flag, parse_size
 from visray.cli.picture_options import Filter, Preview, Quiet, Region, Scale, Show, Time
 from visray.cli.showing import Showing
@@ -32,6 +33,7 @@ def surface_command(
         Parameter(
             help='f(x, y, z) as text, such as "x^2 + y^2 - z^2 - a", an equation, or the name of a known surface.',
             allow_leading_hyphen=True,
+            completer=candidates.surfaces,
         ),
     ],
     /,

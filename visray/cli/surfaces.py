@@ -5,6 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from visray.cli import candidates
 from visray.cli.options import INTERRUPTED, Integer, Json, app, parse_list, parse_size
 from visray.errors import UserError
 from visray.terminal import write_json, write_line
@@ -12,7 +13,9 @@ from visray.terminal import write_json, write_line
 
 @app.command
 def surfaces(
-    name: Annotated[str | None, Parameter(help="The name of a surface. Default: all.")] = None,
+    name: Annotated[
+        str | None, Parameter(help="The name of a surface. Default: all.", completer=candidates.surfaces)
+    ] = None,
     /,
     *,
     sheet: Annotated[

@@ -14,6 +14,8 @@ def written_out(words: Sequence[str]) -> list[str]:
     - `--output=-` for `-o -`, as a word that begins with a hyphen would be an option;
     - `render --help` for `help render`.
     """
+    if words[:1] == ["__complete"]:  # cyclopts' own command, with the words so far
+        return list(words)
     if words[:1] == ["help"]:
         words = [*words[1:2], "--help"]
     return list(_written_out(words))

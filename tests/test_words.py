@@ -1,6 +1,7 @@
 """The words of the command line: assignments, numbers with units, and what a stranger is told of a wrong word."""
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from cyclopts import Token
 
 import visray as vr
 from visray.cli import main
+from visray.cli.commands import GROUPS, app
 from visray.cli.quantities import parse_integer, parse_seconds, parse_share
 from visray.errors import UserError
 from visray.scene.address import changed
@@ -111,3 +113,24 @@ def test_files_that_may_be_meant_are_named(capsys, tmp_path, monkeypatch):
     assert "write visray render scenes/cup.json" in said(capsys, "render")[2]
     monkeypatch.chdir("scenes")
     assert "did you mean 'cup.json'?" in said(capsys, "render", "cup")[2]
+
+
+def test_every_command_has_an_example_and_a_short_line(capsys):
+    """The example is a command of visray, and its options exist."""
+    names = [name for commands in GROUPS.values() for name in commands]
+    assert sorted(names) == sorted(name for name in app if not name.startswith("-"))
+    for name in names:
+        code, text, _ = said(capsys, name, "--help")
+        assert code == 0 and "Example: " in text and len(text.split("\n\n")[1].strip()) < 65
+        example = next(commands[name] for commands in GROUPS.values() if name in commands)
+        words = shlex.split(example.removeprefix('eval "$(').removesuffix(')"'))
+        options = {option for argument in app[name].assemble_argument_collection() for option in argument.names}
+        assert words[:2] == ["visray", name] and {word for word in words if word[0] == "-"} <= options
+
+
+@pytest.mark.parametrize("words", [["--why", "23,15"], []])
+def test_studies_take_another_size(capsys, words):
+    code, text, _ = said(capsys, "explain", SPHERE, "--size", "24x16", "--json", *words)
+    assert code == 0 and json.loads(text)
+    code, _, err = said(capsys, "explain", SPHERE, "--size", "24x16", "--why", "24,15")
+    assert code == 2 and "must be a whole number from 0 to 23, as the film has 24" in err

@@ -115,10 +115,10 @@ def animate_command(
     json: Json = False,
     more: Annotated[dict[str, Any] | None, Parameter(parse=False)] = None,
 ) -> int:
-    """Render the frames of an animated scene to EXR and PNG files, and to movies. Ctrl-C keeps the finished frames.
+    """Render an animated scene to files of frames and to movies.
 
-    Frame k has the bits that `visray render --at` gives its time. With another --fps, the shutter and the motion
-    vectors follow it. Noise stands still, as all frames have one seed.
+    Ctrl-C keeps the finished frames. Frame k has the bits that `visray render --at` gives its time. With another
+    --fps, the shutter and the motion vectors follow it. Noise stands still, as all frames have one seed.
     """
     begun = clock.now()
     if quiet:

@@ -32,10 +32,11 @@ def completion_command(
     shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="The shell.")],
     /,
 ) -> int:
-    """Print a script with which the shell completes commands, options, files, layers and addresses at Tab.
+    """Print what a shell needs to complete words at Tab.
 
-    bash: put eval "$(visray completion bash)" into ~/.bashrc. zsh: the same with zsh, into ~/.zshrc, behind compinit.
-    fish: visray completion fish > ~/.config/fish/completions/visray.fish
+    It completes commands, options, files, layers, and addresses of the scene behind --set. bash: put eval "$(visray
+    completion bash)" into ~/.bashrc. zsh: the same with zsh, into ~/.zshrc, behind compinit. fish: visray
+    completion fish > ~/.config/fish/completions/visray.fish
     """
     script = app.generate_completion(prog_name="visray", shell=shell)
     write(script + MORE.get(shell, ""))

@@ -125,10 +125,11 @@ def data_command(
     quiet: Quiet = False,
     json: Json = False,
 ) -> int:
-    """Show a table with longitudes and latitudes as a picture: bars, spheres or lines on a map or a globe.
+    """Make a picture of a table of places, on a map or a globe.
 
-    Map, camera, lights and legend are fitted to the data. With --save the scene becomes a file, to be changed and
-    rendered by `visray render`. Without --height, --radius and --color, the first column with quantities is shown.
+    The table has longitudes and latitudes; they are shown as bars, spheres or lines. Map, camera, lights and legend
+    are fitted to the data. With --save the scene becomes a file, to be changed and rendered by `visray render`.
+    Without --height, --radius and --color, the first column with quantities is shown.
     """
     if describe:
         return describe_table(file, json)

@@ -16,7 +16,7 @@ def schema(
         Path | None, Parameter(name=("--output", "-o"), help="A .json file. Default: the schema is printed.")
     ] = None,
 ) -> int:
-    """Print the JSON Schema of scene files, or write it to a file.
+    """Print the JSON Schema of scene files.
 
     With it, editors complete the names of fields and explain them.
     """
@@ -38,7 +38,10 @@ def import_command(
         Path | None, Parameter(name=("--output", "-o"), help="A .json file. Default: the scene is printed.")
     ] = None,
 ) -> int:
-    """Convert a scene of the original VisRayTrace to visray's own format."""
+    """Convert a scene of the original VisRayTrace.
+
+    What is written is a scene in visray's own format, as plain JSON without comments.
+    """
     loaded = load_scene(scene, setup, compat, [], allow_outside=allow_outside)
     from visray.scene.load import dump
 

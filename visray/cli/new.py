@@ -19,9 +19,9 @@ def new(
     *,
     python: flag("Write a Python script in place of a scene file.") = False,
 ) -> int:
-    """Write a small scene to begin with, with a comment on each part.
+    """Write a small scene to begin with.
 
-    A file that exists is never replaced.
+    Each part of it has a comment. A file that exists is never replaced.
     """
     from visray.starter import starter
 

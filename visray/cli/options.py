@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 app = App(
     name="visray",
-    help="A ray tracer that shows what accuracy costs, stays stable in hard cases, and simulates only what is needed.",
+    help="A ray tracer that shows what accuracy costs, stays stable in hard cases, and simulates only what is "
+    "needed.\n\nBegin with `visray new ball.json`, and then `visray render ball.json`.",
     version=__version__,
     suppress_keyboard_interrupt=False,
     # A word is a value as it is written: a file may be called [a].exr.
@@ -77,10 +78,17 @@ INTERRUPTED = 130
 
 
 def load_still(
-    scene: Path, setup: Path | None, compat: bool, assignments: list[str], at: float | None, *, allow_outside: bool
+    scene: Path,
+    setup: Path | None,
+    compat: bool,
+    assignments: list[str],
+    at: float | None,
+    *,
+    allow_outside: bool,
+    size: tuple[int, int] | None = None,
 ) -> "Scene":
     """As load_scene; of an animated scene one moment. at: the moment in seconds; None: the beginning."""
-    loaded = load_scene(scene, setup, compat, assignments, allow_outside=allow_outside)
+    loaded = load_scene(scene, setup, compat, assignments, allow_outside=allow_outside, size=size)
     from visray.animation.moment import still_at
 
     return still_at(loaded, at)

@@ -133,10 +133,10 @@ def render_command(
     showing: Annotated[Showing | None, Parameter(parse=False)] = None,
     more: Annotated[dict[str, Any] | None, Parameter(parse=False)] = None,
 ) -> int:
-    """Render a scene to EXR and PNG files. Ctrl-C keeps what is done so far.
+    """Render a scene to EXR and PNG files.
 
-    Without -o the picture goes to the current folder, under the scene's name, as EXR and PNG. With --show or --preview
-    it is shown instead.
+    Without -o the picture goes to the current folder, under the scene's name, as EXR and PNG. With --show or
+    --preview it is shown instead. Ctrl-C keeps what is done so far.
     """
     begun = clock.now()
     if quiet:

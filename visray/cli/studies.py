@@ -27,8 +27,10 @@ from visray.cli.options import (
     load_still,
     parse_list,
     parse_pixel,
+    parse_size,
     write_or_print,
 )  # fmt: skip
+from visray.cli.picture_options import Size
 from visray.errors import UserError
 from visray.output.files import check_writable
 from visray.terminal import write_json, write_line
@@ -54,6 +56,7 @@ def explain_command(
     compat: Compat = False,
     allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
+    size: Size = None,
     cost: flag("Measure what each effect costs, on a small picture.") = False,
     spp: Annotated[Integer | None, Parameter(help="With --cost: samples per pixel of the small picture.")] = None,
     runs: Annotated[
@@ -65,13 +68,13 @@ def explain_command(
     at: At = None,
     json: Json = False,
 ) -> int:
-    """List the effects that are simulated for a scene and those that are not, each with the reason.
+    """List which effects are simulated for a scene, and why.
 
     Further tables say how rays find objects, list the meshes, and say which transparent solid counts where two may
     overlap. Notes say which materials do not do what they seem to say. With --cost: what each effect costs in time.
     With --why: only the story of a pixel, what is hit and what becomes of each light there.
     """
-    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
+    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, size=parse_size(size))
     from visray.animation.moment import still_at
 
     loaded = loaded if at is None else still_at(loaded, at)
@@ -161,6 +164,7 @@ def check(
     compat: Compat = False,
     allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
+    size: Size = None,
     output: Annotated[
         Path | None, Parameter(name=("--output", "-o"), help="Write the difference of both pictures to this .exr file.")
     ] = None,
@@ -170,11 +174,12 @@ def check(
     threads: Threads = None,
     json: Json = False,
 ) -> int:
-    """Compare a scene with the same scene in Mitsuba: hits, distances, normals, shadows, colours.
+    """Compare a scene with the same scene in Mitsuba.
 
-    The same rays go through both. Exit code 1 if they differ.
+    Hits, distances, normals, shadows and colours are compared. The same rays go through both. Exit code 1 if they
+    differ.
     """
-    loaded = load_still(scene, setup, compat, set, at, allow_outside=allow_outside)
+    loaded = load_still(scene, setup, compat, set, at, allow_outside=allow_outside, size=parse_size(size))
     from visray.output.image import check_destination
     from visray.setup import set_threads
     from visray.study.mitsuba import crosscheck
@@ -200,6 +205,7 @@ def cost(
     compat: Compat = False,
     allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
+    size: Size = None,
     output: Annotated[
         Path | None,
         Parameter(name=("--output", "-o"), help="An .html page that opens offline, .json or .csv."),
@@ -214,14 +220,16 @@ def cost(
     csv: Annotated[bool, Parameter(help="Print all records as CSV.")] = False,
     json: Json = False,
 ) -> int:
-    """Measure what accuracy costs: the error and the time of every knob of a scene, and what to change.
+    """Measure what accuracy costs, and say what to change.
 
-    Ctrl-C keeps the measurements so far, once every setting has had a few pictures.
+    A knob is a setting that trades accuracy for time, such as the samples per pixel. The error and the time of
+    every knob of the scene are measured. Ctrl-C keeps the measurements so far, once every setting has had a few
+    pictures.
     """
     if csv and json:
         raise UserError("--csv and --json: print one report; leave one out")
     check_cluster(cluster)
-    loaded = load_still(scene, setup, compat, set, None, allow_outside=allow_outside)
+    loaded = load_still(scene, setup, compat, set, None, allow_outside=allow_outside, size=parse_size(size))
     from visray.progress import Interrupts
     from visray.study.cost.report import table
     from visray.study.cost.study import check_report
@@ -263,6 +271,7 @@ def tune(
     compat: Compat = False,
     allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
+    size: Size = None,
     error: Annotated[Share | None, Parameter(help="The error to reach, as a share of the mean luminance.")] = None,
     time: Annotated[
         Seconds | None, Parameter(help="The time that a render may take, compilation apart: 20 or 20s, 2min.")
@@ -274,10 +283,10 @@ def tune(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Choose the knobs of a scene for an error or a time, and say why.
+    """Choose the settings of a scene for an error or a time.
 
-    Samples per pixel are left to the adaptive sampler: render the scene with the same --error or --time. Ctrl-C keeps
-    the better of the settings that were rendered.
+    They are its knobs: settings that trade accuracy for time. Samples per pixel are left to the adaptive sampler:
+    render the scene with the same --error or --time. Ctrl-C keeps the better of the settings that were rendered.
     """
     if error is None and time is None:
         raise UserError("visray tune: needs an error or a time to choose for; write --error 1% or --time 10")
@@ -285,7 +294,7 @@ def tune(
         raise UserError(f"{output}: a scene is a .json file; end the name so")
     if output is not None:
         check_writable(output)
-    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
+    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, size=parse_size(size))
     from visray.progress import Interrupts
     from visray.study.cost.tuned import as_scene
     from visray.study.cost.tuning import tune as study
@@ -326,9 +335,10 @@ def stability(
     seed: Annotated[Integer, Parameter(help="Seed of the rays.")] = 0,
     json: Json = False,
 ) -> int:
-    """Compare polynomial surfaces or meshes with exact arithmetic: count lost, false and wrong hits.
+    """Compare surfaces or meshes with exact arithmetic.
 
-    Exit code 1 if there are any. Polynomial surfaces need python-flint: pip install 'visray[test]'.
+    Lost, false and wrong hits are counted. Exit code 1 if there are any. Polynomial surfaces need python-flint: pip
+    install 'visray[test]'.
     """
     from visray.study.stability import mesh_study, study
     from visray.tables import show
@@ -347,7 +357,10 @@ def stability(
 
 @app.command
 def doctor(*, json: Json = False) -> int:
-    """Report what visray finds on this machine, and whether it can render a picture."""
+    """Test whether visray works on this machine.
+
+    It reports Python, Dr.Jit, LLVM, threads and folders, and renders a small picture.
+    """
     from visray.study import doctor as examination
     from visray.tables import show
 

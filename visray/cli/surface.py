@@ -89,10 +89,11 @@ def surface_command(
     quiet: Quiet = False,
     json: Json = False,
 ) -> int:
-    """Show the surface of a formula as a picture: clip, camera, lights and colours are fitted to it.
+    """Make a picture of a formula, or of a known surface.
 
-    Letters other than x, y and z are parameters. `visray surfaces` lists the known surfaces. With --save the scene
-    becomes a file, to be changed and rendered by `visray render`. With --view, sliders change the parameters.
+    Clip, camera, lights and colours are fitted to it. Letters other than x, y and z are parameters. `visray
+    surfaces` lists the known surfaces. With --save the scene becomes a file, to be changed and rendered by `visray
+    render`. With --view, sliders change the parameters.
     """
     if quiet:
         warnings.simplefilter("ignore")

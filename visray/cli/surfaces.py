@@ -34,11 +34,11 @@ def surfaces(
     ] = None,
     json: Json = False,
 ) -> int:
-    """List the known polynomial surfaces, or tell all that is known of one of them.
+    """List the known polynomial surfaces, or tell of one.
 
-    The list has the degree, the number of real singular points in the clip, and the parameters of each. Given a NAME,
-    also its formula, its source, and how to render it. With --sheet: a picture of each. Ctrl-C keeps the pictures that
-    are finished.
+    The list has the degree, the number of real singular points in the clip, and the parameters of each. Given a
+    NAME, also its formula, its source, and how to render it. With --sheet: a picture of each. Ctrl-C keeps the
+    pictures that are finished.
     """
     from visray.polynomials.catalogue import SURFACES
 

@@ -43,10 +43,11 @@ def view_command(
     allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
 ) -> int:
-    """Show a scene in the browser: turn it with the mouse, change it with sliders, click on it.
+    """Show a scene live in the browser.
 
-    The picture is coarse while something moves, and gets better while nothing does; its error is shown. Changes of the
-    file are followed. Ctrl-C ends it. Needs viser: pip install 'visray[view]'.
+    Turn it with the mouse, change it with sliders, click on it to see why a pixel has its colour. The picture is
+    coarse while something moves, and gets better while nothing does; its error is shown. Changes of the file are
+    followed. Ctrl-C ends it. Needs viser: pip install 'visray[view]'.
     """
 
     def load() -> "Scene":

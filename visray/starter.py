@@ -27,12 +27,12 @@ SCENE = """\
   // Light that comes from everywhere, so that shadows are not black.
   "ambient": 0.25,
 
-  // What surfaces are made of, by names that you choose. kd is the colour in white light, ks the colour of
+  // What surfaces are made of, by names that you choose. color is the colour in white light, ks the colour of
   // highlights, shininess how small they are, kr what is reflected as in a mirror.
   "materials": {
-    "red": {"kd": "tomato", "ks": 0.5, "shininess": 80},
-    "gold": {"kd": "#8a6420", "ks": 0.6, "shininess": 100, "kr": [0.5, 0.35, 0.12]},
-    "blue": {"kd": "steelblue", "ks": 0.3, "shininess": 40, "kr": 0.05},
+    "red": {"color": "tomato", "ks": 0.5, "shininess": 80},
+    "gold": {"color": "#8a6420", "ks": 0.6, "shininess": 100, "kr": [0.5, 0.35, 0.12]},
+    "blue": {"color": "steelblue", "ks": 0.3, "shininess": 40, "kr": 0.05},
     "tiles": {"texture": "tiles", "kr": 0.06}
   },
 
@@ -78,12 +78,12 @@ scene = vr.Scene(
     },
     # Light that comes from everywhere, so that shadows are not black.
     ambient=0.25,
-    # What surfaces are made of: kd is the colour in white light, ks that of highlights, shininess how small they are,
-    # kr what is reflected as in a mirror.
+    # What surfaces are made of: color is the colour in white light, ks that of highlights, shininess how small they
+    # are, kr what is reflected as in a mirror.
     materials={
-        "red": vr.Material(kd="tomato", ks=0.5, shininess=80),
-        "gold": vr.Material(kd="#8a6420", ks=0.6, shininess=100, kr=(0.5, 0.35, 0.12)),
-        "blue": vr.Material(kd="steelblue", ks=0.3, shininess=40, kr=0.05),
+        "red": vr.Material(color="tomato", ks=0.5, shininess=80),
+        "gold": vr.Material(color="#8a6420", ks=0.6, shininess=100, kr=(0.5, 0.35, 0.12)),
+        "blue": vr.Material(color="steelblue", ks=0.3, shininess=40, kr=0.05),
         "tiles": vr.Material(texture="tiles", kr=0.06),
     },
     # Patterns and pictures. vr.ImageTexture(file="wood.png") takes a file.

@@ -107,14 +107,16 @@ def both(first: Change, second: Change) -> Change:
     return lambda s: second(first(s))
 
 
-def changes(picture: str) -> dict[str, Change]:
-    """The changes of the matte scene, by the name that the table shows. picture: path of an image, for a texture."""
+def changes(picture: str, panorama: str) -> dict[str, Change]:
+    """The changes of the matte scene, by the name that the table shows. picture: path of an image, for a
+    texture. panorama: path of an environment map."""
     lamp = ours(ring(), SPP).lights["key"]
     lit = lambda **f: lambda s: replace(s, lights={"key": replace(lamp, **f)})  # noqa: E731 - a change like the others
     return {
         "no shadows": settings(shadows=False),
         "no ambient light": lambda s: replace(s, ambient=BLACK),
         "black background": lambda s: replace(s, background=BLACK),
+        "environment map": lambda s: replace(s, background=vr.EnvironmentMap(panorama)),
         "transparent film": lambda s: replace(s, film=replace(s.film, transparent=True)),
         "light weakens with distance": lit(a=1.0, b=0.01),
         "highlights": balls(ks=HALF, shininess=32.0),
@@ -171,7 +173,9 @@ def table() -> list[dict]:
     with tempfile.TemporaryDirectory() as folder:
         picture = str(Path(folder, "noise.png"))
         Image.fromarray(np.random.default_rng(0).integers(0, 256, (256, 256, 3), np.uint8)).save(picture)
-        for name, change in changes(picture).items():
+        panorama = str(Path(folder, "panorama.png"))
+        Image.fromarray(np.random.default_rng(1).integers(0, 256, (256, 512, 3), np.uint8)).save(panorama)
+        for name, change in changes(picture, panorama).items():
             rows.append(row(name, matte, prepare(change(ours(ring(), SPP)))))
             sys.stderr.write(f"{name}: {rows[-1]['ratio']:.2f}\n")
     return rows

@@ -85,6 +85,7 @@ SCENES = {
     "Camera and film": {
         "defocus-blur": "A lens: only what is in focus is sharp",
         "orthographic": "A temple without perspective: parallel lines stay parallel",
+        "stripes": "Fine stripes to the horizon, where the filter of the film counts",
         "transparent-film": "A planet without a background, for putting it before another picture",
     },
     "Surfaces f(x, y, z) = 0": {

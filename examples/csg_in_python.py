@@ -15,8 +15,8 @@ def sponge(levels: int) -> vr.Csg:
         for middle in np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2):
             for axis in range(3):
                 low, high = np.insert(middle - half, axis, -1), np.insert(middle + half, axis, 1)
-                holes.append(vr.Box(min=tuple(low.tolist()), max=tuple(high.tolist())))
-    return vr.Csg(op="difference", of=[vr.Box(), *holes], material="clay", cut_material="sand")
+                holes.append(vr.Box(low, high))
+    return vr.Csg("difference", [vr.Box(), *holes], material="clay", cut_material="sand")
 
 
 scene = vr.Scene(

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import MISSING, fields, replace
+from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
 import drjit as dr
@@ -128,3 +129,14 @@ def test_what_is_right_is_said():
         vr.Sphere(centre=(0, 1, 0))
     with pytest.raises(TypeError, match=r"transform=\[vr.Translate\(...\)\]"):
         vr.Sphere(translate=(0, 1, 0))
+
+
+def test_the_documentation_lists_the_fields_by_place():
+    page = (Path(__file__).resolve().parents[1] / "docs" / "python.md").read_text()
+    table = {}
+    for names, values in re.findall(r"^\| (`[A-Z][^|]*) \| (`[^|]*) \|$", page, re.MULTILINE):
+        for name in re.findall(r"`(\w+)`", names):
+            table[name] = re.findall(r"`(\w+)`", values)
+    by_place = {kind.__name__: [f.name for f in fields(kind) if not f.kw_only] for kind in KINDS}
+    public = {name: names for name, names in by_place.items() if names and name in vr.__all__}
+    assert table == public

@@ -5,7 +5,15 @@
     image.write("picture.exr")
     image["N"]            # normals, as a NumPy array
 
-A scene can be written in Python as well: vr.Scene(objects={"ball": vr.Sphere(radius=1)}, ...).
+A scene can be written in Python as well:
+
+    scene = vr.Scene(objects={"ball": vr.Sphere((0, 1, 0), 1, material=vr.Material(color="gold"))})
+    scene = scene.with_object("floor", vr.Plane()).with_light("key", vr.PointLight((4, 6, 5)))
+    vr.render(scene, spp=64).write("ball.png")
+
+Scenes: Scene, load, dump, replaced, value, data_scene, surface_scene; prepare for many pictures of one scene.
+Pictures: render, animate, view, Image. What is in them: explain, why, projected, cost, tune.
+Derivatives: gradient, derivative, difference. dir(visray) has all names; help(visray.render) says more.
 
 Names are imported when they are first used, because the command line needs few of them.
 """

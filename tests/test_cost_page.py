@@ -293,6 +293,7 @@ def test_it_speaks_plain_english(pages: dict[str, str]) -> None:
     assert advice(noiseless()) == "Use 1 sample per pixel: this picture has no noise."
     never = tuple(h for h in r.halvings if h.value is None)
     assert halving(replace(r, halvings=never)) == "No single knob halves the error within what was measured."
+    assert times(Band(1.004, 0.94, 1.1)) == "the same time (0.94 to 1.1 times)"
     assert times(Band(0.6, 0.5, 1.2)) == "60 % of the time (50 to 120)"
     assert times(Band(3.79, 3.1, np.inf)) == "3.8 times the time (at least 3.1)"
     for text in pages.values():

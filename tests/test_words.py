@@ -134,3 +134,14 @@ def test_studies_take_another_size(capsys, words):
     assert code == 0 and json.loads(text)
     code, _, err = said(capsys, "explain", SPHERE, "--size", "24x16", "--why", "24,15")
     assert code == 2 and "must be a whole number from 0 to 23, as the film has 24" in err
+
+
+def test_hints_of_assignments():
+    """A parameter of a formula, and two words where a list is meant."""
+    scene = vr.Scene(objects={"p": vr.Polynomial(expression="x^2 + y^2 + z^2 - a", parameters={"a": 1.0})})
+    with pytest.raises(UserError, match=r"but its formula has; write objects\.p\.parameters\.a$"):
+        changed(scene, {"objects.p.a": 1.0})
+    scene = vr.load(str(Path(SPHERE).with_name("wrap-and-filter.json")))
+    name = next(x for x, y in scene.textures.items() if hasattr(y, "wrap"))
+    with pytest.raises(UserError, match=r'several values are a list; write \["repeat", "clamp"\]'):
+        changed(scene, {f"textures.{name}.wrap": "repeat,clamp"})

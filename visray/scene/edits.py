@@ -167,6 +167,8 @@ def _value_at(root: Any, address: str) -> Any:
             text = f"{owner} has no {key!r}; {hint(key, choices)}"
             if owner == "camera" and (instead := _misplaced(node, key)):
                 text = instead
+            if key in (own := getattr(node, "parameters", None) or ()) and isinstance(own, dict):
+                text = f"{owner} has no {key!r}, but its formula has; write {owner}.parameters.{key}"
             if re.fullmatch(r"data\.layers\.[^.]+\.rows", owner) and re.fullmatch(ROW_NUMBER, key):
                 text = f"no number of row {key} is replaced; for a number of the source, write {_of_row(keys)}"
             if not choices and not isinstance(node, (dict, tuple)):

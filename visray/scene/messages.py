@@ -204,6 +204,9 @@ def _message(place: _Place, e: dict, raw: Any) -> str:
     if kind == "literal_error":
         word = "type" if address[-1] == "type" else "value"
         choices = [c if isinstance(c, str) else json.dumps(c) for c in get_args(place.annotation)]
+        words = [part.strip() for part in e["input"].split(",")] if isinstance(e["input"], str) else []
+        if len(words) > 1 and set(words) <= set(choices):
+            return line(_dotted(address), e["input"], f"several values are a list; write {json.dumps(words)}")
         word_given = isinstance(e["input"], str) and address[-1] == "op"
         meant = OTHER_WORDS.get(e["input"].casefold(), e["input"]) if word_given else e["input"]
         return line(_dotted(address), e["input"], f"unknown {word}; {hint(meant, choices)}")

@@ -161,6 +161,8 @@ def percent(x: float, digits: int = 3) -> str:
 
 def times(factor: Band) -> str:
     """A multiple of the time with its interval: "3.8 times the time (3.1 to 4.7)"; in percent below 1."""
+    if number(factor.middle, 2) == "1" and isfinite(factor.high):
+        return f"the same time ({number(factor.low, 2)} to {number(factor.high, 2)} times)"
     write: Callable[[float], str] = (lambda x: number(100 * x, 2)) if factor.middle < 1 else (lambda x: number(x, 2))
     text = f"{write(factor.middle)} % of the time" if factor.middle < 1 else f"{write(factor.middle)} times the time"
     ends = f"{write(factor.low)} to {write(factor.high)}" if isfinite(factor.high) else f"at least {write(factor.low)}"

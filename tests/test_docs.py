@@ -20,6 +20,7 @@ from visray.animation import kinds as tracks
 from visray.animation.track import TimedTrack
 from visray.camera import Viewpoint
 from visray.cli.commands import app
+from visray.cli.words import written_out
 from visray.data import base
 from visray.data.base import AnyBase
 from visray.data.gizmos import GIZMOS
@@ -246,7 +247,7 @@ def commands() -> list:
 def test_a_command_on_a_page_is_one(page, words):
     if not words or words in (["--help"], ["--version"], ["COMMAND", "--help"]):
         return
-    command, *_ = app.parse_args(words, exit_on_error=False, print_error=False)
+    command, *_ = app.parse_args(written_out(words), exit_on_error=False, print_error=False)
     assert command is not None
     for word in words[1:]:
         if word.startswith("scenes/"):

@@ -89,7 +89,7 @@ accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprin
 accel.policy accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
 accel.ray_segment accel.origin accel.tint accel.traversal
 accel.intersect accel
-prepared_lights needed_materials
+prepared_lights visible_lights needed_materials
 ray_families
 kernel_scene
 background

@@ -107,6 +107,7 @@ class EdgesInView:
             "creases": [address_of(n) for n in self.moving if self._is_creased(n)],
             "shadow edges": [f"lights.{n}" for n in self._lights_with_shadow_edges()],
             "ends of highlights": [f"lights.{n}" for n in self._lights_with_ends()],
+            "outlines of lights": [f"lights.{n}" for n in self._moving_lights if self.scene.lights[n].seen],
             "texture edges": [address_of(n) for n in self.moving if self._has_steps(n)],
         }
         if self.scene.settings.shading == "uv":

@@ -46,7 +46,7 @@ class Rule:
 # Effects that bring light, and effects that only change or pass on the light that others bring. If none of the effects
 # that bring light is simulated, those of the second kind contribute nothing.
 REFLECTED = ("diffuse", "specular")
-SOURCES = ("ambient", *REFLECTED, "unlit", "background")
+SOURCES = ("ambient", *REFLECTED, "unlit", "emission", "visible lights", "background")
 CHANGING_REFLECTED = ("attenuation", "shadows", "coloured shadows", "area lights")
 PASSING_ON = ("reflection", "refraction", "nested media", "fresnel", "absorption", "scatter")
 
@@ -267,6 +267,10 @@ RULES = (
     Rule("scatter", _if_lit(_scatter), "settings.scatter has no rays, or no material is matte", ("kd",),
          lambda s: s.settings.scatter.rays and s.settings.scatter.depth and _some_lit(s)),
     Rule("unlit", _if_lit(lambda s: _materials(s, lambda m: m.unlit)), "no material is unlit", ()),
+    Rule("emission", _if_lit(lambda s: _materials(s, lambda m: any(m.emission))), "no material has emission",
+         ("emission",)),
+    Rule("visible lights", _if_lit(lambda s: _lights(s, lambda l: l.seen and l.intensity and any(l.Id))),
+         "no area light is visible", ("intensity", "Id"), lambda s: _lights(s, lambda l: l.seen)),
     Rule("two-sided", lambda s: _materials(s, lambda m: m.back), "no material has a back", ()),
     Rule("textures", lambda s: _materials(s, lambda m: m.texture), "no material has a texture", ()),
     Rule("bilinear", _bilinear, "no texture blends its pixels", (), needs="textures"),

@@ -50,6 +50,7 @@ from visray.media import (
 from visray.ray import NO_ROW, Hit, Ray, unit
 from visray.sampling import SampleSet
 from visray.shading import shade
+from visray.visible_lights import SeenLight, nearest_light
 
 # Random dimensions (sampling.py): the choice between reflection and refraction, and the direction of scattering.
 LOBE, SCATTER = 5, 6
@@ -170,6 +171,20 @@ def miss_radiance(s: KernelScene, d: Any) -> Any:
     return s.ambient if s.settings.misses == "ambient" else background(s, d)
 
 
+def light_before(s: KernelScene, ray: Ray, hit: Hit, scatters_left: Any) -> SeenLight | None:
+    """The visible lights that rays meet before what they hit; None if no light is visible.
+
+    scatters_left: number of scatterings that are still allowed; None without scattering
+    """
+    if not s.visible_lights:
+        return None
+    lamp = nearest_light(s.visible_lights, ray, hit)
+    if scatters_left is None:
+        return lamp
+    # A surface that has scattered the path gets the light of all lights directly.
+    return replace(lamp, met=lamp.met & (scatters_left == s.bounce_limits[1]))
+
+
 def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Interface | None) -> Any:
     """The light that reaches a surface from other surfaces and leaves it towards the camera. Shapes: (3, N).
 
@@ -203,12 +218,15 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Inte
         hit = Hit(hit.t, dr.select(alive, hit.row, NO_ROW), hit.part)
         si = interact(s, ray, hit, first.sample.derived(1 + (0 if number is None else number) + (i << 16)))
         media = interface_at(s, si)
-        if (passed := transmitted(s, si, media)) is not None:
+        lamp = light_before(s, ray, hit, scatters_left)
+        if (passed := transmitted(s, si, media, lamp)) is not None:
             weight = weight * passed
         colour, own_weight = shade(s, si), local_weight(s, si, media)
         colour = dr.select(hit.valid, colour if own_weight is None else colour * own_weight, miss_radiance(s, ray.d))
+        colour = colour if lamp is None else lamp.over(colour)
         total = dr.select(alive, total + weight * colour, total)
         b = bounce(s, si, ray, media, specular_left, scatters_left)
+        alive = alive if lamp is None else alive & ~lamp.met
         limits = limits_after(a, b, specular_left, scatters_left)
         return number, i + 1, *limits, *_state(b.ray), weight * b.weight, alive & b.alive, total
 

@@ -104,15 +104,17 @@ def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tupl
     origin = RayOrigin(s.geometry, ray.o, shared=False) if effects["defocus"] else camera_origin(s, ray)
     hit, ray = closest(origin, ray, s.brute_force), ray.exact()
     si = interact(s, ray, hit, state)
-    colour = shade(s, si)
+    lamp, colour = indirect.light_before(s, ray, hit, None), shade(s, si)
     if effects["paths"]:
         interface = media.interface_at(s, si)
         own_weight = media.local_weight(s, si, interface)
         colour = (colour if own_weight is None else colour * own_weight) + indirect.indirect(s, si, ray, interface)
-        passed = media.transmitted(s, si, interface)
-        colour = colour if passed is None else colour * passed
-    sky = s.a.V(0) if s.transparent else background(s, ray.d)
-    return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.coverage)
+    sky, covered = s.a.V(0) if s.transparent else background(s, ray.d), hit.valid
+    if lamp is not None:
+        colour, sky, covered = lamp.over(colour), lamp.over(sky), covered | lamp.met
+    if effects["paths"] and (passed := media.transmitted(s, si, interface, lamp)) is not None:
+        colour = colour * passed
+    return dr.select(hit.valid, colour, sky), dr.select(covered, 1, s.coverage)
 
 
 def sample(

@@ -40,6 +40,7 @@ from visray.quantities import Arrays
 from visray.ray_families import shared_by
 from visray.sampling import SampleSet
 from visray.scene.scene import Scene, Settings, SkyGradient
+from visray.visible_lights import VisibleLights, visible_lights
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ class KernelScene:
     camera_lists: lists of rows for the rays of an orthographic camera; None for other cameras, or without lists
     lights: lights that are unrolled in the kernel
     looped_lights: lights that the kernel loops over
+    visible_lights: area lights that are seen
     light_steps: samples of all lights, if the kernel visits them in loops with derivatives; else empty
     most_rows: largest number of rows of a batch, as opaque data
     sky: background: a gradient or a colour, or an environment map
@@ -83,6 +85,7 @@ class KernelScene:
     camera_lists: ParallelLists | None
     lights: tuple[PreparedLight, ...]
     looped_lights: tuple[LightBatch, ...]
+    visible_lights: tuple[VisibleLights, ...]
     light_steps: tuple[LightSteps, ...]
     most_rows: Any
     sky: SkyGradient | Environment
@@ -160,6 +163,9 @@ def kernel_scene(
     attached = dr.grad_enabled(leaves(inputs, shared=True))
     in_waves = attached and _needs_waves(packed, geometry, features)
     lights, looped = prepared_lights(packed, geometry, features, a)
+    seen = ()
+    if features["visible lights"]:
+        seen = visible_lights(packed.lights, [light.seen for light in scene.lights.values()], a)
     parallel = isinstance(view, ParallelView)
     families = shared_by(features, [type(light) for light in scene.lights.values()], bool(looped), parallel)
     if any(geometry.plan(shared).tree for shared in families.values()):
@@ -176,6 +182,7 @@ def kernel_scene(
         camera_lists=camera_lists,
         lights=lights,
         looped_lights=looped,
+        visible_lights=seen,
         light_steps=light_steps(packed, geometry, a) if in_waves else (),
         most_rows=dr.opaque(a.U, max(map(len, geometry.batches), default=0)),
         sky=_sky(a, packed.background, panorama, previous),

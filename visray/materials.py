@@ -16,7 +16,7 @@ RefractiveIndex = Annotated[
     Real, Field(gt=0), Field(ge=0.01, le=100), Quantity(1, "geometry", "> 0, from 0.01 to 100; air is 1")
 ]
 # The fields that a palette colour can change.
-COLORED = ("ka", "kd", "ks", "kr", "kt")
+COLORED = ("ka", "kd", "ks", "kr", "kt", "emission")
 # The kd of a material that says nothing about it.
 KD = (0.7, 0.7, 0.7)
 # How kr and kt depend on the angle. In kernels, the field `fresnel` is the place in this list.
@@ -57,6 +57,9 @@ class Material:
     With `shading` = "unlit", the surface's own colour is kd or that of its texture, whatever light falls on it. kr and
     kt add to it as in other materials.
 
+    `emission` is light that the surface itself sends out. It is a part of the surface's own colour: the camera sees it,
+    and so do mirrors, glass and scattered rays, but it casts no light as lights do.
+
     `colored` names the fields that a palette colour of a data layer changes: it replaces kd and multiplies the others.
 
     `back` names the material of the side that the normal points away from, such as the inside of a bowl. Both materials
@@ -78,6 +81,7 @@ class Material:
     dmax: Length = FARTHEST
     absorption: Color = (0.0, 0.0, 0.0)
     fresnel: Literal[FRESNEL] = "none"
+    emission: Color = (0.0, 0.0, 0.0)
     # It is no Quantity: kernels read the order of the solids, not the number.
     priority: Real = 0.0
     texture: TextureName | None = None

@@ -62,12 +62,16 @@ def refracted_share(si: Interaction, interface: Interface) -> Any:
     return si.material.kt if interface.share is None else si.material.kt * (1 - interface.share)
 
 
-def transmitted(s: KernelScene, si: Interaction, interface: Interface | None) -> Any:
+def transmitted(s: KernelScene, si: Interaction, interface: Interface | None, lamp: Any = None) -> Any:
     """The share of light that the medium on the viewer's side lets through on the way from the surface to the ray's
-    origin, a colour; 1 in lanes without a hit. None in scenes without absorption."""
+    origin, a colour; 1 in lanes without a hit. None in scenes without absorption.
+
+    lamp: visible lights (SeenLight) that the ray meets before the surface, from which its way then starts; or None
+    """
     if interface is None or interface.absorption is None:
         return None
     length = dr.dot(si.surface.p - si.o, si.d) if s.attached else si.hit.t
+    length = length if lamp is None else dr.select(lamp.met, lamp.distance, length)
     return let_through(interface.absorption, dr.select(si.hit.valid, length, 0))
 
 

@@ -25,6 +25,7 @@ FIELD_READERS = {
     "absorption": ("absorption",),
     "fresnel": ("fresnel",),
     "shading": ("unlit",),
+    "emission": ("emission",),
 }
 
 

@@ -64,10 +64,10 @@ def _shows(scene: Scene, obj: Primitive, geometries: set[str]) -> bool:
 
 def _structure(scene: Scene) -> tuple:
     """Parts of a scene, apart from its objects, that an update of numbers leaves unchanged, as a tuple: names and kinds
-    of lights, names of materials with their textures, with what colours change in them and with their backs, the
-    materials that make meshes bodies, the bodies of unions, the kinds of layers, the kind of background and
-    its file, and the kind of camera."""
-    lights = [(name, type(light)) for name, light in scene.lights.items()]
+    of lights, and which are visible, names of materials with their textures, with what colours change in them and with
+    their backs, the materials that make meshes bodies, the bodies of unions, the kinds of layers, the kind of
+    background and its file, and the kind of camera."""
+    lights = [(name, type(light), light.seen) for name, light in scene.lights.items()]
     return (
         lights,
         [

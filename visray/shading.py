@@ -9,8 +9,8 @@ where it is not hidden. Ia, Id and Is are the light's ambient, diffuse and specu
 those of the material. sky and near are the shares of ambient light that occlusion leaves (occlusion.py). S is the share
 of light that passes all objects on its way. att is attenuation by distance times the light's falloff.
 
-An unlit material shows kd instead, in all modes that show light. Other modes replace the diffuse term and the
-highlight, or show a property of the surface (modes.py).
+An unlit material shows kd instead, in all modes that show light. A material's emission is added to both. Other modes
+replace the diffuse term and the highlight, or show a property of the surface (modes.py).
 """
 
 from dataclasses import replace
@@ -58,7 +58,7 @@ def shade(s: KernelScene, si: Interaction) -> Any:
 
 def lit(s: KernelScene, si: Interaction) -> Any:
     """Light that leaves the surface towards the ray's origin, a colour: reflected ambient light plus reflected light of
-    all lights; of an unlit surface, kd."""
+    all lights; of an unlit surface, kd; and the emission of both."""
     on = s.features
     receiver = receiving(si) if on["unlit"] else si
     colour = ambient(s, receiver)
@@ -66,7 +66,9 @@ def lit(s: KernelScene, si: Interaction) -> Any:
     if on["diffuse"] or on["specular"]:
         lights = light_loop.direct if s.light_steps else direct
         colour = colour + lights(s, receiver, reflected)
-    return dr.select(si.material.shading > 0, si.material.kd, colour) if on["unlit"] else colour
+    if on["unlit"]:
+        colour = dr.select(si.material.shading > 0, si.material.kd, colour)
+    return colour + si.material.emission if on["emission"] else colour
 
 
 def receiving(si: Interaction) -> Interaction:

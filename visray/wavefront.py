@@ -183,21 +183,25 @@ class Waves:
             later = sample.derived(1 + wave.path + ((at.level - 1) << 16))
             si = interact(s, ray, hit, replace(sample, key=dr.select(first, wave.key, later.key)))
             colour, sky = shade(s, si), s.a.V(0) if s.transparent else background(s, d)
+            lamp = indirect.light_before(s, ray, hit, wave.scatters_left if s.features["scatter"] else None)
             if not s.features["paths"]:
                 colour = dr.select(hit.valid, colour, sky)
+                colour = colour if lamp is None else lamp.over(colour)
                 return (_wide(colour if s.filter is None else weight * colour, n),), ()
             interface = media.interface_at(s, si)
             own_weight = media.local_weight(s, si, interface)
-            if (passed := media.transmitted(s, si, interface)) is not None:
+            if (passed := media.transmitted(s, si, interface, lamp)) is not None:
                 weight = weight * passed
             colour = colour if own_weight is None else colour * own_weight
             colour = dr.select(hit.valid, colour, dr.select(first, sky, indirect.miss_radiance(s, d)))
+            colour = colour if lamp is None else lamp.over(colour)
             # All paths of a sample share its first surface.
             colour = dr.select(first & (wave.path > 0), 0, weight * colour)
             bounce, after = _bounce(s, si, ray, interface, wave, first)
+            alive = bounce.alive if lamp is None else bounce.alive & ~lamp.met
             results = colour, bounce.ray.o, bounce.ray.d, weight * bounce.weight
             rest = replace(dr.detach(bounce.ray), o=None, d=None)
-            return tuple(_wide(x, n) for x in results), (bounce.alive, after, rest)
+            return tuple(_wide(x, n) for x in results), (alive, after, rest)
 
         return launch
 

@@ -66,12 +66,15 @@ class Brightness:
             else local[key] + rms(ambient * np.array(m.ka) * np.maximum(1, colours[key] if m.texture else 1))
             for key, m in materials.items()
         }
+        shown = {key: x + rms(materials[key].emission) for key, x in shown.items()}
         sky = _sky(prepared)
+        lamps = {f"lights.{n} itself": rms(x.intensity * np.array(x.Id)) for n, x in scene.lights.items() if x.seen}
+        farther = max([sky, *lamps.values()])
         brightest = max(shown, key=shown.get)
         passed_on = {key: _passed_on(prepared, m) for key, m in materials.items()}
-        sides = {key: shown[key] + passed_on[key] * max(shown[brightest], sky) for key in materials}
+        sides = {key: shown[key] + passed_on[key] * max(shown[brightest], farther) for key in materials}
         objects = {key: max(sides[key], sides[m.back or key]) for key, m in materials.items()}
-        causes = {f"light of lights.{name} on materials.{key}": x for (name, key), x in lit.items()} | {"": 0.0}
+        causes = {f"light of lights.{name} on materials.{key}": x for (name, key), x in lit.items()} | {"": 0.0} | lamps
         causes |= {f"the texture of materials.{n}": shown[n] for n, m in materials.items() if m.unlit and m.texture}
         causes[f"materials.{brightest} in mirrors, glass or scattered light"] = (
             max(passed_on.values()) * shown[brightest]

@@ -47,8 +47,9 @@ def dark_notes(
     rgb = np.array(rgb)
     on, lit_mode = prepared.features, BY_NAME[prepared.scene.settings.shading].lit
     black, lights_shine = bool(rgb.max() <= NEARLY_BLACK), on["diffuse"] or on["specular"]
+    shines = on["emission"] or on["visible lights"]
     # Nothing shines on any surface; or the colours of the picture leave it open whether a light does.
-    unlit = lit_mode and not (lights_shine or on["ambient"] or on["scatter"] or on["unlit"])
+    unlit = lit_mode and not (lights_shine or on["ambient"] or on["scatter"] or on["unlit"] or shines)
     open_question = lit_mode and lights_shine and not black and may_look and not prepared.looked
     open_question = open_question and may_be_unlit(prepared, rgb)
     only_background = shows_only_background(prepared, rgb, coverage)

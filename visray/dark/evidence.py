@@ -70,7 +70,7 @@ def may_be_unlit(prepared: Prepared, rgb: np.ndarray) -> bool:
     Without such light, matte surfaces show at most their ambient light. So a picture with few pixels that are so dark
     is not unlit. Without mirrors, glass and textures, a pixel is then a mixture of the background, black, and the
     materials' ambient light. So no colour, and no difference of two colours, is larger than in all of these. An unlit
-    material shows kd in place of its ambient light.
+    material shows kd in place of its ambient light, and emission is added to both.
     """
     scene, on = prepared.scene, prepared.features
     rgb = rgb[:, :: max(1, rgb.shape[1] // (64 * FIRST_PIXELS))]
@@ -81,7 +81,8 @@ def may_be_unlit(prepared: Prepared, rgb: np.ndarray) -> bool:
         rows.color is not None for rows in (scene.data.rows.values() if scene.data is not None else ())
     ):
         return True
-    colours = [np.array(m.kd) if m.unlit else ambient * m.ka for m in materials]
+    colours = [(np.array(m.kd) if m.unlit else ambient * m.ka) + m.emission for m in materials]
+    colours += [l.intensity * np.array(l.Id) for l in scene.lights.values() if l.seen]
     brightest = (1 + ROUNDING) * max(np.max(colours, initial=0), NEARLY_BLACK)
     if (rgb.max(0) <= brightest).mean() < DARK_SHARE:
         return False
@@ -100,7 +101,7 @@ def _largest(rgb: np.ndarray) -> np.ndarray:
 
 def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
     """Whether light of a light is seen anywhere, by samples of the same kernel without ambient light and background,
-    and with black unlit surfaces.
+    and with black unlit surfaces, emission and visible lights.
 
     A few pixels are looked at first, and then all, or MOST_PIXELS of them. After Ctrl-C, the answer is that there is
     some.
@@ -108,9 +109,11 @@ def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
     s, scene = prepared.kernel, prepared.scene
     scene, interrupts = replace(scene, settings=replace(scene.settings, spp=1)), interrupts or Interrupts()
     black = lambda colour: dr.opaque(type(colour), 0, dr.width(colour))  # noqa: E731 - a colour of the same kind
+    lamps = tuple(replace(lamp, colour=black(lamp.colour)) for lamp in s.visible_lights)
     dark = replace(s, ambient=black(s.ambient), lights_ambient=black(s.lights_ambient), sky=blackened(s.sky))
-    if prepared.features["unlit"]:
-        dark = replace(dark, geometry=s.geometry.with_looks(tuple(_without_unlit(batch) for batch in s.batches)))
+    dark = replace(dark, visible_lights=lamps)
+    if prepared.features["unlit"] or prepared.features["emission"]:
+        dark = replace(dark, geometry=s.geometry.with_looks(tuple(_without_own_light(batch) for batch in s.batches)))
     n = len(prepared.order)
     for step in sorted({max(1, n // FIRST_PIXELS), max(1, n // MOST_PIXELS)}, reverse=True):
         pixels = subset(prepared, np.arange(0, n, step))
@@ -121,8 +124,8 @@ def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
     return False
 
 
-def _without_unlit(batch: Batch) -> Batch:
-    """The batch with black materials in place of unlit ones."""
+def _without_own_light(batch: Batch) -> Batch:
+    """The batch with black materials in place of unlit ones, and without emission."""
     sides = _with_black_sides(batch)
     tables = sides["material"], sides["back"] and sides["back"].material
     packets = batch.packets and Packets.of(batch.packets.four, tables)
@@ -132,13 +135,17 @@ def _without_unlit(batch: Batch) -> Batch:
 
 def _with_black_sides(shown: Batch | Looks) -> dict[str, Any]:
     """The fields `material`, `texture` and `back` of a batch or of looks, as a dict, with black in place of unlit
-    materials."""
-    back = shown.back and BackSide(*_black_if_unlit(shown.back.material, shown.back.texture))
-    material, texture = _black_if_unlit(shown.material, shown.texture)
+    materials, and without emission."""
+    back = shown.back and BackSide(*_without_light(shown.back.material, shown.back.texture))
+    material, texture = _without_light(shown.material, shown.texture)
     return {"material": material, "texture": texture, "back": back}
 
 
-def _black_if_unlit(m: Material, texture: Any) -> tuple[Material, Any]:
-    """Materials and their textures, with black ones without texture in place of unlit ones."""
+def _without_light(m: Material, texture: Any) -> tuple[Material, Any]:
+    """Materials and their textures, without emission, and with black ones without texture in place of unlit ones."""
+    if m.emission is not None:
+        m = replace(m, emission=dr.opaque(type(m.emission), 0, dr.width(m.emission)))
+    if m.shading is None:
+        return m, texture
     unlit = m.shading > 0
     return replace(m, kd=dr.select(unlit, 0, m.kd)), dr.select(unlit, NO_TEXTURE, texture)

@@ -1,7 +1,7 @@
 """Disk light."""
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import drjit as dr
 
@@ -21,6 +21,8 @@ class DiskLight(AreaLight):
     position: Point = field(kw_only=False)
     normal: Direction = field(default=(0.0, 1.0, 0.0), kw_only=False)
     radius: Length = field(default=1.0, kw_only=False)
+
+    shape: ClassVar = ("disk", {"center": "position", "normal": "normal", "radius": "radius"})
 
     def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         s, t = tangents(dr.normalize(self.normal))

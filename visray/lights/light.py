@@ -25,7 +25,8 @@ class Light:
     """`Ia`, `Id`, `Is` are a light's ambient, diffuse and specular colours, all multiplied by `intensity`.
 
     At distance d the diffuse and specular parts are multiplied by 1 / (a + b d + c d^2); a = b = c = 0 means no
-    attenuation. Lights themselves are invisible.
+    attenuation. Lights themselves are invisible, but for area
+    lights that say otherwise.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
@@ -42,6 +43,11 @@ class Light:
     # Whether the light has a position, and whether it has an area.
     has_position: ClassVar[bool] = True
     has_area: ClassVar[bool] = False
+
+    @property
+    def seen(self) -> bool:
+        """Whether the light itself is seen."""
+        return False
 
     def flaws(self) -> list[tuple[str, str]]:
         """Errors that concern several fields together, as pairs of a field's name and a message."""
@@ -60,11 +66,22 @@ class Light:
 
 @dataclass(frozen=True, kw_only=True)
 class AreaLight(Light):
-    """A light with an area. Each point sends the same light in all directions; `samples` of the points are used."""
+    """A light with an area. Each point sends the same light in all directions; `samples` of the points are used.
+
+    If the light is `visible`, its shape is seen by the camera, in mirrors and through glass, in the colour Id times
+    intensity. It is no object: it casts no shadow and is in no layer but the colour.
+    """
 
     samples: Samples = 16
+    visible: Annotated[bool, Field(strict=True)] = False
 
     has_area: ClassVar[bool] = True
+    # The type of the primitive that has the light's shape, and the names of its fields, each with that of the light.
+    shape: ClassVar[tuple[str, dict[str, str]]]
+
+    @property
+    def seen(self) -> bool:
+        return self.visible
 
     def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         """Vector of type `w` from the light's centre to one of its points, given by (u, v) in the unit square. Equal

@@ -1,7 +1,7 @@
 """Parallelogram light."""
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import drjit as dr
 import numpy as np
@@ -20,6 +20,8 @@ class RectangleLight(AreaLight):
     position: Point = field(kw_only=False)
     width: Vector = field(default=(1.0, 0.0, 0.0), kw_only=False)
     height: Vector = field(default=(0.0, 0.0, 1.0), kw_only=False)
+
+    shape: ClassVar = ("rectangle", {"center": "position", "width": "width", "height": "height"})
 
     def flaws(self) -> list[tuple[str, str]]:
         w, h = np.array(self.width), np.array(self.height)

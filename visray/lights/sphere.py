@@ -1,7 +1,7 @@
 """Sphere light."""
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from visray.lights.light import AreaLight
 from visray.quantities import Length, Point
@@ -18,6 +18,8 @@ class SphereLight(AreaLight):
     type: Literal["sphere"] = "sphere"
     position: Point = field(kw_only=False)
     radius: Length = field(default=1.0, kw_only=False)
+
+    shape: ClassVar = ("sphere", {"center": "position", "radius": "radius"})
 
     def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         return type(u)(self.radius) * sphere(w, u, v)

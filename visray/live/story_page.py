@@ -36,7 +36,7 @@ def story_page(story: PixelStory, notes: tuple[str, ...] = ()) -> str:
     """A story as HTML. notes: sentences about what else was done."""
     first, rest = story.surfaces[0], story.surfaces[1:MOST_SURFACES]
     parts = [_headline(first, story.colour)]
-    if first.object is not None:
+    if first.material is not None:
         parts += [_facts(first), _light(first)]
     parts += [_further(surface) for surface in rest]
     parts += [f"<p>{escaped(note)}</p>" for note in (*first.notes, *notes)]
@@ -89,7 +89,7 @@ def _facts(surface: SurfaceStory) -> str:
     if material["texture"]:
         rows.append(("texture", escaped(material["texture"].removeprefix("textures."))))
     rows.append(("kd", f"{_swatch(material['kd'])} {escaped(shown(material['kd']))}"))
-    for field in ("ks", "kr", "kt"):
+    for field in ("ks", "kr", "kt", "emission"):
         if any(material[field]):
             rows.append((field, f"{_swatch(material[field])} {escaped(shown(material[field]))}"))
     cells = "".join(f'<tr><td style="{GREY};padding-right:0.9em">{k}</td><td>{v}</td></tr>' for k, v in rows)
@@ -112,6 +112,8 @@ def _light(surface: SurfaceStory) -> str:
         sources.append((light.light, sent, reason(light)))
     if surface.ambient is not None and any(surface.ambient):
         sources.append(("ambient", float(LUMINANCE @ np.array(surface.ambient)), ""))
+    if any(surface.material["emission"]):
+        sources.append(("its emission", float(LUMINANCE @ np.array(surface.material["emission"])), ""))
     total = sum(sent for _, sent, _ in sources)
     if not sources:
         return "<p>No light falls on it.</p>"

@@ -159,7 +159,8 @@ class MitsubaScene:
             reflected = self._reflected(light, si, to_light.l, kd)
             arrives = hits.hit & ~(self.is_mesh[hits.index] & _behind_triangle(si, to_light.l))
             colour += np.where(arrives[:, None], reflected * (share * falloff[:, None]), 0)
-        return np.where(self.surface_colours.unlit[side][:, None], kd, colour)
+        own = np.where(self.surface_colours.unlit[side][:, None], kd, colour)
+        return own + self.surface_colours.emission[side]
 
     def _reflected(self, light: Light, si: Any, l: np.ndarray, kd: np.ndarray) -> np.ndarray:
         """Reflected light of one light: Id times the diffuse part plus Is times the highlight. Shapes: (N, 3).

@@ -36,6 +36,11 @@ def _without_defocus(scene: Scene) -> Scene:
     return replace(scene, camera=replace(scene.camera, aperture=0.0)) if scene.camera.aperture else scene
 
 
+def _with_unseen_lights(scene: Scene) -> Scene:
+    unseen = {name: replace(light, visible=False) for name, light in scene.lights.items() if light.seen}
+    return replace(scene, lights=scene.lights | unseen)
+
+
 def _without_area_lights(scene: Scene) -> Scene:
     lights = {name: without_extent(light) for name, light in scene.lights.items()}
     return _with_settings(area="samples")(replace(scene, lights=lights))
@@ -46,6 +51,7 @@ OMISSIONS = (
     # With depth 0, paths end at the first surface. Coloured shadows are still simulated.
     Omission(("reflection", "refraction", "nested media"), "settings.depth is 0", _with_settings(depth=0)),
     Omission(("scatter",), "settings.scatter.rays is 0", _with_settings(scatter=Scatter())),
+    Omission(("visible lights",), "lights are not seen", _with_unseen_lights),
     Omission(("defocus",), "camera.aperture is 0", _without_defocus),
     Omission(
         ("area lights",),

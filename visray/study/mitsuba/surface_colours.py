@@ -19,6 +19,7 @@ class SurfaceColours:
     names[i], and index N + i for its back, where N is the number of objects.
 
     count: number of objects
+    emission: emission of each object; black for index -1
     unlit: whether each object shows kd as it is; the last entry is False, for index -1
     """
 
@@ -26,8 +27,9 @@ class SurfaceColours:
         sides = [scene.sides_of(scene.objects[name].material) for name in names]
         materials_of_objects = [scene.material(name).resolved for side in zip(*sides) for name in side]
         self.count = len(names)
-        self.kd, self.ka = (
-            np.array([getattr(m, field) for m in materials_of_objects] + [(0, 0, 0)], float) for field in ("kd", "ka")
+        self.kd, self.ka, self.emission = (
+            np.array([getattr(m, field) for m in materials_of_objects] + [(0, 0, 0)], float)
+            for field in ("kd", "ka", "emission")
         )
         self.unlit = np.array([*(m.unlit for m in materials_of_objects), False])
         self.scales_ka = [m.textured == "ka and kd" for m in materials_of_objects]

@@ -72,7 +72,7 @@ class SurfaceStory:
     way: how the path comes here: "camera", "reflection", "total reflection", "refraction", "passing" (a surface that
         counts for nothing, because another transparent solid fills both of its sides) or "scattering".
     weight: factor of the light from here in the pixel.
-    object: address of the object; None if nothing is met.
+    object: address of the object, or of a visible light, which has no material; None if nothing is met.
     distance, point, normal, uv, inside: the hit; `inside` is whether the surface is seen from its inside.
     material: address of the material; its numbers at this point, after the texture.
     unlit: whether the surface shows kd as it is. It then has neither `ambient` nor `lights`.
@@ -114,6 +114,9 @@ class SurfaceStory:
         if self.object is None:
             yield f"{how} meets nothing: {shown(self.own)}"
             return
+        if self.material is None:
+            yield f"{how} meets the visible light {self.object} after {shown(self.distance)}: {shown(self.own)}"
+            return
         operand = "" if self.operand is None else f" (its operand {self.operand})"
         side = " from inside" if self.inside else ""
         yield (
@@ -139,7 +142,9 @@ class SurfaceStory:
 
     def _numbers(self) -> Iterator[str]:
         """The numbers of the material that matter."""
-        for field, others in (("ka", ()), ("kd", ()), ("ks", ("shininess",)), ("kr", ()), ("kt", ("ior",))):
+        companions = {"ks": ("shininess",), "kt": ("ior",)}
+        for field in ("ka", "kd", "ks", "kr", "kt", "emission"):
+            others = companions.get(field, ())
             if field in ("ka", "kd") or any(self.material[field]):
                 yield from (f"{name} {shown(self.material[name])}" for name in (field, *others))
 

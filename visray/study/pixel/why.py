@@ -34,6 +34,7 @@ from visray.scene.scene import Scene
 from visray.setup import Prepared
 from visray.shading import ambient, shade
 from visray.study.pixel.story import Colour, LightStory, PixelStory, SurfaceStory
+from visray.visible_lights import nearest_light
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 
@@ -87,6 +88,9 @@ class _Walk:
         limits = s.bounce_limits if s.features["scatter"] else (s.bounce_limits[0], None)
         while True:
             media = interface_at(s, si) if s.features["paths"] else None
+            if (lamp := self.lamp(si, ray, way, weight, limits)) is not None:
+                surfaces.append(lamp)
+                break
             surfaces.append(self.surface(si, ray, way, weight, media))
             if not s.features["paths"] or surfaces[-1].object is None:
                 break
@@ -114,6 +118,21 @@ class _Walk:
         x = numbers(value, self.n)[0]
         return _colour(x) if x.shape else x.item()
 
+    def lamp(self, si: Interaction, ray: Ray, way: str, weight: Any, limits: tuple) -> SurfaceStory | None:
+        """The story of a visible light that is met before the surface; None if there is none.
+
+        limits: numbers of bounces that are still allowed
+        """
+        s = self.s
+        if not s.visible_lights or (limits[1] is not None and self.first(limits[1] != s.bounce_limits[1])):
+            return None
+        lamp = nearest_light(s.visible_lights, ray, si.hit)
+        if not self.first(lamp.met):
+            return None
+        own, factor = self.first(lamp.colour), self.first(weight)
+        name = f"lights.{self.light_names[int(self.first(lamp.number))]}"
+        return SurfaceStory(way, factor, name, _product(factor, own), own, distance=self.first(lamp.distance))
+
     def surface(self, si: Interaction, ray: Ray, way: str, weight: Any, media: Interface | None) -> SurfaceStory:
         """The story of a surface, or of the background."""
         s, factor = self.s, self.first(weight)
@@ -130,7 +149,10 @@ class _Walk:
         lit = lit_mode and not unlit
         lights = self.lights(si) if lit else ()
         reflected = self.first(ambient(s, si)) if lit else None
-        own = self.first(shade(s, si)) if not lit else _sum(reflected, *(_sum(l.diffuse, l.specular) for l in lights))
+        emission = self.first(si.material.emission) if s.features["emission"] else BLACK
+        own = self.first(shade(s, si))
+        if lit:
+            own = _sum(reflected, emission, *(_sum(l.diffuse, l.specular) for l in lights))
         kept = local_weight(s, si, media) if s.features["paths"] else None
         share = WHITE if kept is None else self.first(kept)
         return SurfaceStory(

@@ -98,8 +98,11 @@ def test_what_it_lights_does_not_change():
 
 
 def test_layers_do_not_know_it():
-    image = vr.render(SCENE, progress=False)
-    assert set(np.unique(image["id"])) == {1} and np.abs(image["albedo"] - MATTE.kd).max() <= SINGLE
+    layers = ("Z", "distance", "N", "P", "UV", "albedo", "id")
+    seen, unseen = (vr.render(s, progress=False, layers=layers) for s in (
+        SCENE, replace(SCENE, lights={"lamp": replace(LAMP, visible=False)})))  # fmt: skip
+    for name in layers:
+        assert (np.asarray(seen[name]) == np.asarray(unseen[name])).all()
 
 
 def test_mirrors_show_it_and_matte_surfaces_do_not_count_it_twice():
@@ -176,4 +179,4 @@ def test_it_counts_as_brightness():
 
 def test_lights_without_an_area_cannot_be_seen():
     with pytest.raises(vr.UserError, match=r"lights.sun.visible"):
-        vr.load({"lights": {"sun": {"type": "point", "position": [0, 1, 0], "visible": True}}})
+        vr.replaced(SCENE, "lights", {"sun": {"type": "point", "position": (0.0, 1.0, 0.0), "visible": True}})

@@ -97,6 +97,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "unit, each from 0 to 1e9",
         "fresnel": "how kr and kt depend on the angle. none: not at all; dielectric: as at glass and water of the "
         "ior; metal: kr grows to 1 at grazing angles",
+        "emission": "light that the surface itself sends out: it is seen, and lights nothing",
         "shading": "lit, or unlit: the surface shows kd or its texture as it is, whatever light falls on it",
         "back": "the name of the material of the side that the normal points away from, or null: the same one",
     },
@@ -113,7 +114,10 @@ MEANINGS: dict[type, dict[str, str]] = {
         "wrap": "how the image continues beyond its edges; a pair is for u and for v",
         "encoding": "encoding of the numbers in the file; auto means srgb for PNG and JPEG, and linear for EXR and HDR",
     },
-    AreaLight: {"samples": "light samples per shaded point, from 1 to 65536"},
+    AreaLight: {
+        "samples": "light samples per shaded point, from 1 to 65536",
+        "visible": "whether the shape of the light is seen, in the colour Id times intensity",
+    },
     Primitive: {
         "material": "the name of one of the scene's materials, or default",
         "transform": "transformation steps; the first one is applied first",

@@ -180,3 +180,23 @@ def test_it_counts_as_brightness():
 def test_lights_without_an_area_cannot_be_seen():
     with pytest.raises(vr.UserError, match=r"lights.sun.visible"):
         vr.replaced(SCENE, "lights", {"sun": {"type": "point", "position": (0.0, 1.0, 0.0), "visible": True}})
+
+
+def test_in_coloured_glass_it_is_seen_through_what_is_before_it():
+    """A lamp of radius 1/4 in the middle of a ball of radius 1 and of ior 1: its light runs 3/4 in the glass."""
+    absorption = (0.5, 1.0, 2.0)
+    glass = vr.Material(ka=BLACK, kd=BLACK, kt=(1.0, 1.0, 1.0), ior=1.0, absorption=absorption)
+    for depth in (1.0, 3.0):
+        scene = replace(
+            SCENE,
+            camera=vr.Camera(origin=(0, 0, 8), fov=0.01),
+            lights={"lamp": replace(LAMP, radius=0.25)},
+            materials={"glass": glass},
+            objects={"ball": vr.Sphere(radius=depth, material="glass")},
+        )
+        expected = COLOUR * np.exp(-np.multiply(absorption, depth - 0.25))
+        assert np.abs(picture(scene) - expected).max() <= 4 * SINGLE
+        assert np.abs(vr.derivative(scene, "lights.lamp.intensity", progress=False) - 2 * expected).max() <= 4 * SINGLE
+        # The camera in the glass.
+        inside = replace(scene, camera=vr.Camera(origin=(0, 0, depth / 2), fov=0.01))
+        assert np.abs(picture(inside) - COLOUR * np.exp(-np.multiply(absorption, depth / 2 - 0.25))).max() <= 4 * SINGLE

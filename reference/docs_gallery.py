@@ -50,6 +50,7 @@ SCENES = {
         "attenuation": "Two lamps whose light gets weaker with distance",
         "disk-light": "A disk as a lamp over chess pieces, with soft shadows",
         "sphere-light": "A glowing ball, and soft shadows all round",
+        "lamps": "Lamps that are seen, in a mirror and in glass too, and things that glow",
         "area-lights": "A point, a rectangle, a disk and a sphere as lamps, in equal rooms",
         "penumbra": "Light from a window: a shadow is sharp near the object and soft far from it",
         "shadows": "Red, green and blue light: where one is missing, its shadow has the other two's colour",

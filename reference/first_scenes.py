@@ -82,7 +82,7 @@ def sheet(rows: dict[str, dict[str, dict]], pictures: Path) -> None:
                 with Image.open(pictures / f"{program}-{name}.png") as picture:
                     whole.paste(picture, (x, top))
         pen.text((left, top + height + 1), name.replace("_", " "), fill="black")
-    whole.quantize(255).save(SHEET, optimize=True)
+    whole.save(SHEET, optimize=True)
 
 
 def main() -> None:

@@ -386,7 +386,7 @@ WRONG = {
     '{"type": "fisheye"}': 'camera.type = "fisheye": unknown type; one of perspective, orthographic',
     '{"type": null}': "camera.type = null: unknown type; one of perspective, orthographic",
     '{"type": ["orthographic"]}': 'camera.type = ["orthographic"]: unknown type; one of perspective, orthographic',
-    "7": "camera = 7: must be an object {...} with a type: one of perspective, orthographic",
+    "7": "camera = 7: must be an object {...} with a type: one of perspective, orthographic, or null",
 }
 
 

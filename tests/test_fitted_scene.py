@@ -11,7 +11,7 @@ import pytest
 from samples import NAMES, aimed, instances, truth
 
 import visray as vr
-from visray.blocking import TESTS, blocked
+from visray.blocking import TESTS, Blocker
 from visray.cli import main
 from visray.errors import FittedNote
 from visray.fitted_scene import completed
@@ -19,7 +19,7 @@ from visray.scene.check import checked
 from visray.surroundings import Stage
 from visray.things import things_of
 
-SIZE = (1.2, 0.5)
+UNIT = np.concatenate([np.eye(3), -np.eye(3)])
 BALL = {"type": "sphere", "center": [0, 1, 0]}
 FLOOR = {"type": "plane"}
 
@@ -104,11 +104,11 @@ def test_camera_and_lights_are_where_the_ball_is_seen(name):
     scene = fitted(objects={"ball": vr.Sphere(center=(0, 1, 0)), **around})
     places = np.array([scene.camera.origin, *(x.position for x in scene.lights.values())])
     for other in around.values():
-        assert not blocked(other, np.tile([0.0, 1.0, 0.0], (3, 1)), places).any()
+        blocker = Blocker.of(other)
+        assert not blocker.blocks(np.tile([0.0, 1.0, 0.0], (3, 1)), places).any()
         for light in scene.lights.values():
-            for step in np.concatenate([np.eye(3), -np.eye(3)]):
-                p = np.array(light.position)
-                assert not blocked(other, p[None], (p + light.radius * step)[None]).any()
+            p = np.tile(light.position, (6, 1))
+            assert not blocker.blocks(p, p + light.radius * UNIT).any()
     assert in_the_picture(scene, surface_points(vr.Sphere(center=(0, 1, 0)), 0)).all()
 
 
@@ -159,12 +159,13 @@ def test_blocked_agrees_with_the_slow_twin(kind, moved):
         [thing] = instances(kind.__name__, seed, 1, moved, decades=1)
         o, d = aimed(rng, thing, 200)
         found = truth(thing, o, d)
-        t = np.where(found.what == 1, np.asarray(found.t, float), 1.0)
+        hit = np.asarray(found.sure) & (found.what == 1)
+        t = np.asarray(found.t, float)
         for share in (0.4, 0.9, 1.1):
-            end = o + (share * t)[:, None] * d
-            sure = np.asarray(found.sure) & (found.what != 2)
-            expected = (found.what == 1) & (share > 1)
-            assert (blocked(thing, o, end)[sure & (found.what == 1)] == expected[sure & (found.what == 1)]).all()
+            end = o + (share * np.where(hit, t, 1.0))[:, None] * d
+            assert (Blocker.of(thing).blocks(o, end)[hit] == (share > 1)).all()
+        missed = np.asarray(found.sure) & (found.what == 0)
+        assert not Blocker.of(thing).blocks(o, o + 1e3 * d)[missed].any()
 
 
 def test_a_scene_of_nothing_has_the_default_camera_and_no_lights():

@@ -6,6 +6,7 @@ once. Objects of other kinds block nothing.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,24 +24,33 @@ from visray.primitives.triangle import Triangle
 Test = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
-def blocked(shape: Primitive, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Whether a point of the surface lies strictly between a and b. Segments that lie in a flat shape are not blocked.
+@dataclass(frozen=True)
+class Blocker:
+    """An object that may block segments.
 
-    Shapes: a, b (N, 3); result (N).
+    test: the test of its kind.
+    inverse, shift: the linear part and the shift of the map from the world to the canonical shape: p -> inverse (p -
+        shift). Shapes: (3, 3), (3).
     """
-    if (test := TESTS.get(type(shape))) is None or shape.cut:
-        return np.zeros(len(a), bool)
-    linear, shift = _frame(shape)
-    with np.errstate(all="ignore"):
-        inverse = np.linalg.inv(linear)
-        return test(inverse @ (a - shift).T, inverse @ (b - a).T)
 
+    test: Test
+    inverse: np.ndarray
+    shift: np.ndarray
 
-def _frame(shape: Primitive) -> tuple[np.ndarray, np.ndarray]:
-    """Linear part and shift of the map from the canonical shape to the world. Shapes: (3, 3), (3)."""
-    frame = scalars(shape).frame().then(transform_frame(shape) or identity())
-    x, y, z, o = (np.array(v, float).ravel() for v in (frame.x, frame.y, frame.z, frame.o))
-    return np.stack([x, y, z], axis=1), o
+    @staticmethod
+    def of(shape: Primitive) -> "Blocker | None":
+        """The blocker of an object; None if objects of its kind block nothing."""
+        if (test := TESTS.get(type(shape))) is None or shape.cut:
+            return None
+        inverse = scalars(shape).frame().then(transform_frame(shape) or identity()).inverse()
+        rows = (np.array(v, float).ravel() for v in (inverse.x, inverse.y, inverse.z))
+        return Blocker(test, np.stack(list(rows)), np.array(inverse.o, float).ravel())
+
+    def blocks(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Whether a point of the surface lies strictly between a and b. Segments that lie in a flat shape are not
+        blocked. Shapes: a, b (N, 3); result (N)."""
+        with np.errstate(all="ignore"):
+            return self.test(self.inverse @ (a - self.shift).T, self.inverse @ (b - a).T)
 
 
 def _flat(within: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Test:

@@ -35,8 +35,14 @@ NEARER, SMALLER = (1.0, 0.6, 0.35, 0.2), (1.0, 0.5, 0.25)
 PART = 0.3
 # Strengths of the lights of a scene.
 RIG = Rig()
-# What to do with what was fitted.
-ADVICE = "visray import FILE -o OUT (in Python vr.dump) writes {} out"
+# What is said of a scene by what is missing: the camera, the lights.
+DONE = {
+    (True, True): "the scene has no camera and no lights: a camera, a key light and a fill light were fitted; visray "
+    "import FILE -o OUT, or vr.dump, writes them out",
+    (True, False): "the scene has no camera: one was fitted; visray import FILE -o OUT, or vr.dump, writes it out",
+    (False, True): 'the scene has no lights: a key light and a fill light were fitted; "lights": {} would be none; '
+    "visray import FILE -o OUT, or vr.dump, writes them out",
+}
 
 
 def completed(scene: Scene, start: Scene | None = None) -> tuple[Scene, list[str]]:
@@ -51,7 +57,8 @@ def completed(scene: Scene, start: Scene | None = None) -> tuple[Scene, list[str
     if camera is None:
         camera = _camera(scene, stage)
     if lights is None:
-        lights = _lights(camera, stage) if stage.shown or stage.around else {}
+        seen_by = camera if scene.camera is None else (start or scene).camera
+        lights = _lights(seen_by, stage) if stage.shown or stage.around else {}
     return replace(scene, camera=camera, lights=lights), _notes(scene, stage)
 
 
@@ -59,22 +66,14 @@ def _notes(scene: Scene, stage: Stage) -> list[str]:
     """What to say of a scene that was completed."""
     if not (stage.shown or stage.around):
         return []
-    missing = [name for name in ("camera", "lights") if getattr(scene, name) is None]
-    what = {"camera": "a camera was fitted", "lights": "a key light and a fill light were fitted"}
-    if not stage.shown:
-        what["camera"] = "as nothing in it is bounded, it is the default camera"
-    done = " and ".join(what[name] for name in missing)
-    notes = [f"the scene has no {' and no '.join(missing)}: {done}; {ADVICE.format(_pronoun(missing))}"]
+    notes = [DONE[scene.camera is None, scene.lights is None]]
+    if scene.camera is None and not stage.shown:
+        notes.append("as nothing in the scene is bounded, its camera is the default one")
     large = [x.address for x in stage.around if x.balls is not None]
     if large and scene.camera is None:
         text = "is much larger than the rest, so the fitted camera need not show all of it"
         notes.append(f"{large[0]}: {text}" + (f"; so are {len(large) - 1} more" if large[1:] else ""))
     return notes
-
-
-def _pronoun(missing: list[str]) -> str:
-    """The pronoun of what is missing."""
-    return "it" if missing == ["camera"] else "them"
 
 
 def _camera(scene: Scene, stage: Stage) -> Camera:
@@ -87,15 +86,21 @@ def _camera(scene: Scene, stage: Stage) -> Camera:
         directions = [fit.axes_over(scene.data.base), *directions]
     best, worth = None, -1.0
     for fov in FOVS:
-        cameras = [fitted_view(shown, axes, aspect, WINDOW, fov=fov) for axes in directions]
-        visible = stage.visible(np.array([x.origin for x in cameras]))
-        first = int(np.argmax(visible >= ENOUGH * visible.max()))
-        if visible[first] > worth:
-            best, worth = cameras[first], visible[first]
-        if worth >= ENOUGH:
-            break
-    upright = abs(np.subtract(best.target, best.origin)[[0, 2]]).max() > 0
-    return replace(best, up=(0.0, 1.0, 0.0)) if upright and scene.data is None else best
+        for some in np.array_split(np.array(directions), len(ELEVATIONS)):
+            cameras = [fitted_view(shown, axes, aspect, WINDOW, fov=fov) for axes in some]
+            visible = stage.visible(np.array([x.origin for x in cameras]))
+            first = int(np.argmax(visible >= ENOUGH * visible.max()))
+            # Each step further from the usual view must show more.
+            if ENOUGH * visible[first] > worth:
+                best, worth = cameras[first], visible[first]
+            if worth >= ENOUGH:
+                return _upright(best, scene)
+    return _upright(best, scene)
+
+
+def _upright(camera: Camera, scene: Scene) -> Camera:
+    """The camera with y upwards, but over a map or a globe, where north is up."""
+    return replace(camera, up=(0.0, 1.0, 0.0)) if scene.data is None or scene.objects else camera
 
 
 def _axes(azimuth: float, elevation: float) -> np.ndarray:
@@ -121,6 +126,7 @@ def _lights(camera: Camera | OrthographicCamera, stage: Stage) -> dict[str, Ligh
     if shown is None:
         reach = PART * float(np.linalg.norm(view))
         shown = Balls(np.array([camera.target], float), np.array([reach]))
+    shown = Balls(shown.middle()[None], np.array([shown.reach()]))
     rigs = [_Place("key", "key_radius", KEYS), _Place("fill", "fill_radius", FILLS)]
     return {place.name: place.light(shown, axes, stage) for place in rigs}
 

@@ -6,10 +6,11 @@ larger than all that lies on them or in them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from visray.blocking import blocked
+from visray.blocking import Blocker
 from visray.fitting import Balls
 from visray.primitives.box import Box
 from visray.primitives.ellipsoid import Ellipsoid
@@ -20,8 +21,8 @@ from visray.things import Thing
 # it, or are nearer to it than their own radius; or if it is a hollow room for them, a ball or a box, and larger by the
 # second factor.
 LARGER, ROOMY = 20.0, 1.5
-# Largest number of things to which a view is tested, and of things that may hide them.
-TARGETS, HIDING = 100, 400
+# Largest number of things to which a view is tested, and of things that may hide them, the largest ones.
+TARGETS, HIDING = 24, 64
 # A floor lies below things if the direction up from it to them is nearer to y than this cosine says.
 UPRIGHT = 0.7
 
@@ -42,12 +43,7 @@ class Stage:
         """The stage of a scene's things."""
         endless = [x for x in things if x.balls is None]
         bounded = sorted((x for x in things if x.balls is not None), key=lambda x: x.reach)
-        keep = len(bounded)
-        for i in range(1, len(bounded)):
-            rest = _union(bounded[:i])
-            if _is_around(bounded[i], rest):
-                keep = i
-                break
+        keep = next((i for i in _candidates(bounded) if _is_around(bounded[i], _union(bounded[:i]))), len(bounded))
         shown = {id(x) for x in bounded[:keep]}
         ordered = [x for x in things if id(x) in shown]
         return Stage(tuple(ordered), (*endless, *bounded[keep:]))
@@ -69,9 +65,9 @@ class Stage:
         middles = np.array([x.center for x in targets])
         begin = np.broadcast_to(middles[:, None], (*seen.shape, 3)).reshape(-1, 3)
         end = np.broadcast_to(points, (*seen.shape, 3)).reshape(-1, 3)
-        for other in self._hiding():
+        for other, blocker in self._hiding:
             own = np.array([x is other for x in targets])
-            seen &= ~blocked(other.shape, begin, end).reshape(seen.shape) | own[:, None]
+            seen &= ~blocker.blocks(begin, end).reshape(seen.shape) | own[:, None]
         return seen.mean(axis=0)
 
     def free(self, points: np.ndarray, radius: np.ndarray) -> np.ndarray:
@@ -81,14 +77,28 @@ class Stage:
         """
         result = np.ones(len(points), bool)
         for step in np.concatenate([np.eye(3), -np.eye(3)]):
-            for other in self._hiding():
-                result &= ~blocked(other.shape, points, points + radius[:, None] * step)
+            for _, blocker in self._hiding:
+                result &= ~blocker.blocks(points, points + radius[:, None] * step)
         return result
 
-    def _hiding(self) -> list[Thing]:
+    @cached_property
+    def _hiding(self) -> list[tuple[Thing, Blocker]]:
         """The things that may hide others."""
-        solid = [x for x in self.shown if x.opaque and x.shape is not None]
-        return [x for x in self.around if x.opaque] + _some(solid, HIDING)
+        largest = sorted(self.shown, key=lambda x: -x.reach)[:HIDING]
+        opaque = [x for x in (*self.around[:HIDING], *largest) if x.opaque and x.shape is not None]
+        return [(x, blocker) for x in opaque if (blocker := Blocker.of(x.shape)) is not None]
+
+
+def _candidates(things: Sequence[Thing]) -> list[int]:
+    """Numbers of the things that are much larger than the box of all before them. Domain: bounded things by size."""
+    if len(things) < 2:
+        return []
+    low = np.minimum.accumulate(np.array([x.low for x in things]))
+    high = np.maximum.accumulate(np.array([x.high for x in things]))
+    half = 0.5 * np.max(high - low, axis=1)
+    reach = np.array([x.reach for x in things])
+    # The longest side of a box is no longer than the diameter of what it contains.
+    return [i + 1 for i in np.flatnonzero(reach[1:] > ROOMY * half[:-1]).tolist()]
 
 
 def _some(things: Sequence[Thing], most: int) -> list[Thing]:

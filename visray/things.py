@@ -5,6 +5,7 @@ A thing is an object, the base of the data, or all rows of a data layer. All of 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -45,10 +46,12 @@ class Thing:
         """The middle of its box. Domain: bounded things."""
         return 0.5 * (self.low + self.high)
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """Radius of a ball about the middle of its box. Domain: bounded things."""
-        return self.balls.reach()
+        if len(self.balls.radius) == 1:
+            return float(self.balls.radius[0])
+        return 0.5 * float(np.linalg.norm(self.high - self.low))
 
 
 def things_of(scene: Scene) -> list[Thing]:

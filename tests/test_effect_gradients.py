@@ -38,7 +38,12 @@ def unwarned():
 def scene_of(**fields: Any) -> vr.Scene:
     """A small picture in double; settings are named with the fields of the scene."""
     settings = {k: fields.pop(k) for k in list(fields) if k in vr.Settings.__dataclass_fields__}
-    whole = {"film": vr.Film(width=12, height=8), "background": SKY, "lights": {"key": LAMP}} | fields
+    whole = {
+        "film": vr.Film(width=12, height=8),
+        "background": SKY,
+        "lights": {"key": LAMP},
+        "camera": vr.Camera(),
+    } | fields
     return vr.Scene(settings=vr.Settings(**{"spp": 4, "precision": "double", "seed": 3} | settings), **whole)
 
 

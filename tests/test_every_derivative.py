@@ -52,6 +52,7 @@ def unwarned():
 
 def scene_of(**changes: Any) -> vr.Scene:
     base = {"film": FILM, "background": SKY, "materials": {"paint": PAINT}, "settings": vr.Settings(spp=1, depth=2)}
+    base |= {"camera": vr.Camera(), "lights": {}}
     return vr.Scene(**(base | changes))
 
 

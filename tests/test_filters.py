@@ -232,7 +232,10 @@ def test_derivatives_are_those_of_differences(kind, light):
     """In one loop over samples, and in waves of paths; forward and reverse."""
     scene = replace(
         vr.Scene(
-            camera=vr.Camera(), film=vr.Film(width=6, height=4, filter=kind(radius=1.4)), settings=vr.Settings(spp=5)
+            camera=vr.Camera(),
+            film=vr.Film(width=6, height=4, filter=kind(radius=1.4)),
+            settings=vr.Settings(spp=5),
+            lights={},
         ),
         lights={"key": light},
         materials={"red": vr.Material(kd=(0.8, 0.2, 0.1))},

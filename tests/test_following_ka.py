@@ -66,7 +66,7 @@ def test_ambient_light_alone_shows_kd_or_the_texture() -> None:
 
 
 def test_the_default_is_a_fifth_of_the_colour_in_shadow() -> None:
-    assert vr.Scene().ambient == (0.2, 0.2, 0.2) and vr.Material().ka is None
+    assert vr.Scene(camera=vr.Camera(), lights={}).ambient == (0.2, 0.2, 0.2) and vr.Material().ka is None
     assert vr.Material().resolved.ka == vr.Material().kd
 
 

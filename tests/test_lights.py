@@ -13,6 +13,7 @@ from test_sampling import SIGMA
 from test_shading import BLACK, DARK, PRECISIONS, seen
 
 from visray import prepared_lights
+from visray.camera import Camera
 from visray.errors import UserError
 from visray.geometry import gamma
 from visray.lights import KINDS, DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
@@ -38,7 +39,9 @@ def scene_of(lights: dict, objects: dict | None = None, material: Material = WHI
     """Objects, a floor by default, of one material: cosines are seen as they are."""
     things = {"floor": Plane()} if objects is None else objects
     things = {name: replace(thing, material="m") for name, thing in things.items()}
-    return Scene(objects=things, lights=lights, materials={"m": material}, settings=Settings(**settings), **DARK)
+    return Scene(
+        camera=Camera(), objects=things, lights=lights, materials={"m": material}, settings=Settings(**settings), **DARK
+    )
 
 
 def at(scene: Scene, p: Any, n: int = 1) -> np.ndarray:

@@ -133,6 +133,8 @@ def test_a_track_moves_kd() -> None:
         "materials": {"m": {"color": "red"}},
         "objects": {"ball": {"type": "sphere", "material": "m"}},
         "animation": {"duration": 1, "tracks": {"t": track}},
+        "camera": {},
+        "lights": {},
     }
     (line,) = examined(raw)[1]
     assert "materials.m.color" in line and "is another name of materials.m.kd; move that" in line

@@ -28,7 +28,7 @@ EYE = np.array([0.0, 3.0, 4.0])
 def scene_of(shading: str, precision: str, material: Material, objects: dict, lights: dict, **more: Any) -> Scene:
     settings = Settings(shading=shading, precision=precision, **more)
     things = {name: replace(thing, material="m") for name, thing in objects.items()}
-    return Scene(objects=things, lights=lights, materials={"m": material}, settings=settings, **DARK)
+    return Scene(camera=Camera(), objects=things, lights=lights, materials={"m": material}, settings=settings, **DARK)
 
 
 def floor_of(shading: str, precision: str, material: Material, turn: float) -> tuple[np.ndarray, np.ndarray]:

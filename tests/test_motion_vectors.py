@@ -43,7 +43,8 @@ CAMERAS = {"perspective": VIEW, "orthographic": FLAT}
 
 
 def scene_of(objects: dict, camera: Any = VIEW, film: Film = FILM, **more: Any) -> Scene:
-    return Scene(camera=camera, film=film, objects=objects, settings=Settings(spp=1, precision="double"), **more)
+    more = {"lights": {}, "settings": Settings(spp=1, precision="double")} | more
+    return Scene(camera=camera, film=film, objects=objects, **more)
 
 
 @dataclass

@@ -39,7 +39,7 @@ def plain(**fields: Any) -> Material:
 def scene_of(objects: dict, materials: dict, precision: str = "single", **more: Any) -> Scene:
     """A scene without lights, ambient light and background but for what is given; settings are named with the rest."""
     settings = {k: more.pop(k) for k in list(more) if k in Settings.__dataclass_fields__}
-    fields = {"ambient": BLACK, "background": BLACK} | more
+    fields = {"ambient": BLACK, "background": BLACK, "camera": Camera(), "lights": {}} | more
     return Scene(objects=objects, materials=materials, settings=Settings(precision=precision, **settings), **fields)
 
 

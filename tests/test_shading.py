@@ -53,7 +53,9 @@ def pixels(scene: Scene, everything: bool = False) -> tuple[np.ndarray, np.ndarr
 
 def scene_of(objects: dict, lights: dict, materials: dict, precision: str = "single", **more: Any) -> Scene:
     settings = Settings(precision=precision, shadows=more.pop("shadows", True))
-    return Scene(objects=objects, lights=lights, materials=materials, settings=settings, **more)
+    return Scene(
+        objects=objects, lights=lights, materials=materials, settings=settings, **({"camera": Camera()} | more)
+    )
 
 
 # By hand

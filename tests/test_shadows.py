@@ -51,7 +51,7 @@ def glass(dmax: float, kt: tuple = KT) -> Material:
 def scene_of(things: dict, lights: dict, materials: dict | None = None, **settings: Any) -> Scene:
     """Shadows alone: no path goes on from a surface."""
     settings = {"depth": 0} | settings
-    return Scene(objects=things, lights=lights, materials={"floor": WHITE} | (materials or {}),
+    return Scene(camera=Camera(), objects=things, lights=lights, materials={"floor": WHITE} | (materials or {}),
                  settings=Settings(**settings), **DARK)  # fmt: skip
 
 

@@ -27,7 +27,8 @@ def spin(of: str, **more: Any) -> vr.SpinTrack:
 def scene_of(shapes: Mapping[str, Any], *tracks: Any, **more: Any) -> vr.Scene:
     """A scene with some objects and tracks, checked."""
     named = {f"track{i}": track for i, track in enumerate(tracks)}
-    return checked(vr.Scene(objects=shapes, animation=vr.Animation(duration=DURATION, tracks=named), **more))
+    moves = vr.Animation(duration=DURATION, tracks=named)
+    return checked(vr.Scene(objects=shapes, animation=moves, **({"camera": vr.Camera(), "lights": {}} | more)))
 
 
 def mapped(steps: tuple[Transform, ...], point: Any) -> np.ndarray:

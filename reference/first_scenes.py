@@ -1,9 +1,9 @@
 """Ten first scenes, as newcomers write them from memory of other programs, with this visray and with an earlier one.
 
 Most of them say nothing of camera and lights. The sheet docs/first-scenes.png shows each scene rendered by the earlier
-program (left) and by this one (right); where a program refuses a scene, it shows the line of the refusal. A scene in the
-folder `earlier` says the same in the words of the earlier program. The report first_scenes.json has for each the notes,
-the mean and the share of pixels that are clipped.
+program (left) and by this one (right); where a program refuses a scene, it shows the line of the refusal. A scene in
+the folder `earlier` says the same in the words of the earlier program. The report first_scenes.json has for each the
+notes, the mean and the share of pixels that are clipped.
 
     git worktree add ../before 55d2c90
     python reference/first_scenes.py --before ../before

@@ -33,7 +33,7 @@ def scene(**fields) -> vr.Scene:
 
 def loaded(folder: Path, layer: dict) -> vr.Scene:
     (folder / "rain.csv").write_text("name,lon,lat,rain\nA,0,0,1\nB,90,10,2\n")
-    (folder / "scene.json").write_text(json.dumps({"data": {"layers": {"rain": layer}}}))
+    (folder / "scene.json").write_text(json.dumps({"data": {"layers": {"rain": layer}}, "camera": {}, "lights": {}}))
     return vr.load(folder / "scene.json")
 
 
@@ -63,7 +63,9 @@ def test_wrong_layers_have_one_line_with_an_address(tmp_path, layer: dict, messa
 def test_sources_that_are_no_files_are_refused(tmp_path, source: str, allow_outside: bool) -> None:
     os.mkfifo(tmp_path / "pipe.csv")
     (tmp_path / "loop.csv").symlink_to("loop.csv")
-    (tmp_path / "scene.json").write_text(json.dumps({"data": {"layers": {"rain": {"source": source}}}}))
+    (tmp_path / "scene.json").write_text(
+        json.dumps({"data": {"layers": {"rain": {"source": source}}}, "camera": {}, "lights": {}})
+    )
     with pytest.raises(UserError) as caught:
         vr.load(tmp_path / "scene.json", allow_outside=allow_outside)
     (line,) = caught.value.lines

@@ -33,7 +33,7 @@ def scene(base: str = "globe", legend: vr.Legend | None = None, **fields) -> vr.
 def loaded(folder: Path, text: str, layer: dict, base: dict | None = None) -> vr.Scene:
     (folder / "caps.csv").write_text(text)
     data = {"base": base or {"type": "globe"}, "layers": {"caps": {"source": "caps.csv"} | layer}}
-    (folder / "scene.json").write_text(json.dumps({"data": data}))
+    (folder / "scene.json").write_text(json.dumps({"data": data, "camera": {}, "lights": {}}))
     return vr.load(folder / "scene.json")
 
 
@@ -150,7 +150,7 @@ def test_layers_of_one_source_have_each_note_once(tmp_path) -> None:
     layer = {"source": "caps.csv", "height": "v", "gizmo": "cone"}
     base = {"type": "map", "extent": [-10, 40, -10, 40]}
     data = {"base": base, "layers": {"a": layer, "b": layer | {"gizmo": "box"}}}
-    (tmp_path / "scene.json").write_text(json.dumps({"data": data}))
+    (tmp_path / "scene.json").write_text(json.dumps({"data": data, "camera": {}, "lights": {}}))
     of_file, outside, left_out = said(vr.load(tmp_path / "scene.json"))
     assert of_file.startswith(f"{tmp_path / 'caps.csv'}: ")
     assert outside == "data.layers.a and b: 1 row lies outside of the map and is not shown: line 6 (150, 80)"

@@ -250,7 +250,7 @@ def test_a_picture_has_the_derivative_of_differences(name: str) -> None:
 
 def test_two_layers_with_one_file(tmp_path) -> None:
     (tmp_path / "rain.csv").write_text("name,lon,lat,rain\nA,0,0,1\nB,90,10,2\nC,-90,-20,3\n")
-    text = """{"data": {"base": {"type": "globe"}, "layers": {
+    text = """{"camera": {}, "lights": {}, "data": {"base": {"type": "globe"}, "layers": {
         "bars": {"source": "rain.csv", "height": "rain"},
         "balls": {"source": "rain.csv", "gizmo": "sphere", "value": "rain"}}}}"""
     (tmp_path / "scene.json").write_text(text)
@@ -267,7 +267,9 @@ def test_two_layers_with_one_file(tmp_path) -> None:
 def test_a_file_outside_of_the_folder_is_refused(tmp_path) -> None:
     (tmp_path / "inner").mkdir()
     (tmp_path / "rain.csv").write_text("lon,lat\n0,0\n")
-    (tmp_path / "inner" / "scene.json").write_text('{"data": {"layers": {"a": {"source": "../rain.csv"}}}}')
+    (tmp_path / "inner" / "scene.json").write_text(
+        '{"camera": {}, "lights": {}, "data": {"layers": {"a": {"source": "../rain.csv"}}}}'
+    )
     with pytest.raises(UserError, match=r"data\.layers\.a\.source.*outside of the scene's folder"):
         vr.load(tmp_path / "inner" / "scene.json")
     assert len(vr.load(tmp_path / "inner" / "scene.json", allow_outside=True).data.rows["a"]) == 1
@@ -276,7 +278,7 @@ def test_a_file_outside_of_the_folder_is_refused(tmp_path) -> None:
 @pytest.mark.parametrize("more", ['"height": "rain"', '"name": "city", "lon": "x"', '"gizmo": "line", "color": "rain"'])
 def test_a_file_that_must_not_be_read_has_one_error(tmp_path, more: str) -> None:
     """Its columns are not known, so nothing is said of them."""
-    text = f'{{"data": {{"layers": {{"a": {{"source": "../rain.csv", {more}}}}}}}}}'
+    text = f'{{"camera": {{}}, "lights": {{}}, "data": {{"layers": {{"a": {{"source": "../rain.csv", {more}}}}}}}}}'
     (tmp_path / "scene.json").write_text(text)
     with pytest.raises(UserError) as found:
         vr.load(tmp_path / "scene.json")

@@ -342,7 +342,7 @@ def test_what_is_no_legend_is_refused_with_the_fields_of_one(tmp_path) -> None:
 def test_a_wrong_field_is_refused_in_one_line(name: str, tmp_path) -> None:
     legend, says = BAD[name]
     path = tmp_path / "scene.json"
-    path.write_text(json.dumps({"data": {"legend": legend}}))
+    path.write_text(json.dumps({"data": {"legend": legend}, "camera": {}, "lights": {}}))
     with pytest.raises(UserError) as caught:
         vr.load(path)
     assert str(caught.value).startswith(f"{path}: {says}")

@@ -67,6 +67,7 @@ SCENES = {
         "transparencies": "A thin red and a deep blue ball with coloured shadows",
         "nested-glass": "A ball of glass in a tank of water",
         "total-internal-reflection": "Seen from under water: the surface is a mirror at flat angles",
+        "environment": "A mirror, glass, gold and matte things under a painted sky at dusk",
         "glass-heart": "A heart of red glass, and its coloured shadow",
         "mesh-in-glass": "A knotted copper tube in a glass ball",
     },

@@ -473,7 +473,10 @@ def test_a_wrong_background_is_judged_by_its_form(tmp_path: Path, background: ob
         ({"film": {"width": 0}}, "film.width = 0: must be greater than 0"),
         ({"film": {"height": 2.5}}, "film.height = 2.5: must be a whole number"),
         ({"film": {"transparent": 1}}, "film.transparent = 1: must be true or false"),
-        ({"film": 3}, "film = 3: must be an object {...} with the keys width, height, transparent"),
+        (
+            {"film": 3},
+            "film = 3: must be an object {...} with the keys width, height, transparent, filter, region, scale",
+        ),
         ({"settings": {"seed": -1}}, "settings.seed = -1: must be at least 0"),
         ({"settings": {"seed": 2**32}}, "settings.seed = 4294967296: must be less than 4294967296"),
         (

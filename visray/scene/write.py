@@ -178,6 +178,8 @@ def _json_tree(value: Any, like: Any = None, ordered: bool = False) -> Any:
     """
     previous = like if isinstance(like, dict) else {}
     place = {key: i for i, key in enumerate(previous)}
+    if isinstance(value, filters.ReconstructionFilter) and value == type(value)() and not isinstance(like, dict):
+        return value.type
     if is_dataclass(value):
         kept = {*previous, "type"} if type(value) in TYPED else {*previous}
         written = [f.name for f in fields(value) if f.name in kept or getattr(value, f.name) != _default(f)]

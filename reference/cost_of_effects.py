@@ -128,8 +128,13 @@ def changes(picture: str, panorama: str) -> dict[str, Change]:
         "lens": lambda s: replace(s, camera=replace(s.camera, aperture=0.2)),
         "coloured shadows": both(balls(kt=HALF), settings(depth=0)),
         "balls are mirrors": balls(kr=HALF),
+        "balls are varnished (fresnel)": balls(kr=HALF, fresnel="dielectric"),
+        "balls are metal (fresnel)": balls(kr=HALF, fresnel="metal"),
         "one ball is glass": balls("paint 7", kt=HALF),
         "balls are glass": balls(kt=HALF),
+        "balls are glass that reflects": balls(kt=HALF, kr=HALF),
+        "balls are glass that reflects (fresnel)": balls(kt=HALF, kr=HALF, fresnel="dielectric"),
+        "balls are glass that absorbs (absorption)": balls(kt=HALF, absorption=HALF),
         "scattered light, 1 ray": settings(scatter=vr.Scatter(rays=1)),
         "area light, 16 samples": lambda s: replace(s, lights={"key": PANEL}),
         "sky occlusion, 16 rays": settings(occlusion=vr.Occlusion(sky=16)),
@@ -165,8 +170,9 @@ def row(name: str, matte: Prepared, prepared: Prepared) -> dict:
     }
 
 
-def table() -> list[dict]:
-    """The rows for the matte scene, and for the scenes with one effect more or less."""
+def table(only: list[str]) -> list[dict]:
+    """The rows for the matte scene, and for the scenes with one effect more or less. only: parts of the names of the
+    scenes that are measured; all if it is empty."""
     matte = prepare(ours(ring(), SPP))
     kernel(matte)  # LLVM itself starts with the first kernel
     rows = [row("matte", matte, prepare(ours(ring(), SPP)))]
@@ -176,6 +182,8 @@ def table() -> list[dict]:
         panorama = str(Path(folder, "panorama.png"))
         Image.fromarray(np.random.default_rng(1).integers(0, 256, (256, 512, 3), np.uint8)).save(panorama)
         for name, change in changes(picture, panorama).items():
+            if only and not any(part in name for part in only):
+                continue
             rows.append(row(name, matte, prepare(change(ours(ring(), SPP)))))
             sys.stderr.write(f"{name}: {rows[-1]['ratio']:.2f}\n")
     return rows
@@ -240,9 +248,10 @@ def main() -> None:
     parser = report_parser(__doc__)
     parser.add_argument("--before", type=Path, help="a checkout of an earlier visray")
     parser.add_argument("--only-before", action="store_true", help="no table of effects")
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="measure only scenes whose name has this")
     chosen = parser.parse_args()
     dr.set_thread_count(THREADS)
-    rows = [] if chosen.only_before else table()
+    rows = [] if chosen.only_before else table(chosen.only)
     report = machine() | {"size": SIZE, "spp": SPP, "load": os.getloadavg()[0], "rows": rows}
     if chosen.before:
         report["before"] = against(chosen.before.resolve())

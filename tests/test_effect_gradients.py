@@ -203,6 +203,47 @@ CASES = {
          "objects.floor.point", "lights.key.position", "lights.sun.direction", "lights.pane.position",
          "lights.pane.width", "camera.origin"),
     ),
+    "a ball with a coat": Case(
+        scene_of(camera=look((0.2, 0.15, 0.0)), objects={"ball": replace(BALL, material="coat")}, depth=2,
+                 materials={"coat": replace(PAINT, kr=(0.8, 0.9, 0.7), ior=1.6, fresnel="dielectric")}),
+        ("materials.coat.ior", "materials.coat.kr", "materials.coat.kd", "objects.ball.center", "objects.ball.radius",
+         "background.top", "camera.origin"),
+    ),
+    "a ball of metal": Case(
+        scene_of(camera=look((0.6, 0.4, 0.0)), objects={"ball": replace(BALL, material="gold")}, depth=2,
+                 materials={"gold": replace(PAINT, kr=(0.8, 0.6, 0.3), fresnel="metal")}),
+        ("materials.gold.kr", "materials.gold.kd", "objects.ball.center", "objects.ball.radius", "camera.origin"),
+    ),
+    "what passes through a ball by the angle": Case(
+        scene_of(camera=look((0.2, 0.15, 0.0)), objects={"ball": replace(BALL, material="glass")}, depth=2, lights={},
+                 materials={"glass": replace(GLASS, fresnel="dielectric", absorption=(0.1, 0.3, 0.2))}),
+        ("materials.glass.ior", "materials.glass.absorption", "materials.glass.kt", "materials.glass.ka",
+         "objects.ball.center", "objects.ball.radius", "camera.origin"), 2,
+    ),
+    "balls that absorb in each other": Case(
+        scene_of(
+            camera=look((0.2, 0.1, 0.0), fov=6.0), depth=4, lights={},
+            objects={"outer": replace(BALL, material="glass"),
+                     "inner": vr.Sphere(center=(0.2, 0.1, -0.3), radius=0.5, material="water")},
+            materials={"glass": plain(kt=(0.5, 0.7, 0.6), ior=1.5, absorption=(0.0, 0.3, 0.2)),
+                       "water": plain(kt=(0.9, 0.8, 0.7), ior=1.2, fresnel="dielectric", absorption=(0.5, 0.1, 0.3))},
+        ),
+        ("materials.glass.absorption", "materials.water.absorption", "materials.water.ior", "materials.glass.ior",
+         "objects.inner.center", "objects.inner.radius", "objects.outer.radius"),
+    ),
+    "the shadow of a ball that absorbs": Case(
+        scene_of(
+            camera=look((0.2, -1.0, 0.0), origin=(3.0, 1.0, 5.0), fov=3.0), depth=1,
+            objects={"floor": vr.Plane(point=(0.0, -1.0, 0.0), material="paint"),
+                     "ball": vr.Sphere(center=(0.2, 1.5, 0.0), radius=0.8, material="glass")},
+            materials={"paint": PAINT, "glass": replace(GLASS, absorption=(0.1, 0.3, 0.2))},
+            lights={"key": replace(LAMP, position=(0.3, 4.0, 0.1)),
+                    "within": replace(LAMP, position=(0.2, 1.4, 0.1)),
+                    "sun": vr.DirectionalLight(direction=(0.05, -1.0, -0.04), intensity=0.4)},
+        ),
+        ("materials.glass.absorption", "materials.glass.kt", "objects.ball.radius", "objects.ball.center",
+         "objects.floor.point", "lights.key.position", "lights.within.position", "lights.sun.direction"),
+    ),
 }  # fmt: skip
 
 

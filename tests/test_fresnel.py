@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import test_paths
 from hypothesis import given
 from hypothesis import strategies as st
-from test_paths import BLACK, PRECISIONS, WHITE, agrees, plain, rays_at, scene_of, seen, unit
+from test_paths import BLACK, PRECISIONS, SIGMAS, SKY, WHITE, agrees, plain, rays_at, seen, unit
 
 import visray as vr
 from visray import fresnel
@@ -18,6 +19,11 @@ from visray.quantities import Arrays
 A = Arrays.of(precision="double")
 IORS = st.floats(0.01, 100)
 COSINES = st.floats(0, 1)
+
+
+def scene_of(objects: dict, materials: dict, precision: str = "single", **more: Any) -> vr.Scene:
+    """As test_paths.scene_of, with a camera, and without lights that are not given."""
+    return test_paths.scene_of(objects, materials, precision, **{"camera": vr.Camera(), "lights": {}} | more)
 
 
 def numbers(*values: Any) -> list:
@@ -231,6 +237,35 @@ def test_grazing_rays_are_numbers() -> None:
                              background=WHITE, depth=5)  # fmt: skip
             found = seen(scene, n * (1 + off) - 0.5 * d, d)
             assert np.isfinite(found).all() and found.max() <= 1 + 1e-5
+
+
+def test_a_derivative_by_the_index_is_right_in_the_mean() -> None:
+    """A pane between sky and ground: reflected with the chance R = 2 F / (1 + F), so the picture is R sky + (1 - R)
+    ground, and its derivative by the index is R' (sky - ground), by paths that are drawn."""
+    camera = vr.Camera(origin=(0.0, 1e6, 1e6), target=(0.0, 0.0, 0.0), fov=0.01)
+    scene = scene_of({"pane": vr.Plane(material="glass")}, {"glass": GLASS}, "double", background=SKY, depth=1, spp=64,
+                     film=vr.Film(width=64, height=64), camera=camera, lights={})  # fmt: skip
+    up = 0.5 + 0.5 * np.sqrt(0.5)
+    top, bottom = np.array(SKY.top), np.array(SKY.bottom)
+    above, below = up * top + (1 - up) * bottom, (1 - up) * top + up * bottom
+
+    def share(n: float) -> float:
+        f = float(twin(np.sqrt(0.5), 1 / n))
+        return 2 * f / (1 + f)
+
+    slope, r = (share(1.5 + 1e-5) - share(1.5 - 1e-5)) / 2e-5, share(1.5)
+    found = vr.gradient(scene, ["materials.glass.ior"])["materials.glass.ior"]
+    # A path adds slope / r times the sky with the chance r, and -slope / (1 - r) times the ground otherwise.
+    spread = abs(slope) * (above / r + below / (1 - r)).mean() * np.sqrt(r * (1 - r))
+    truth = slope * (above - below).mean()
+    assert abs(truth) > 1e-3
+    assert abs(found - truth) <= SIGMAS * spread / 512 + 1e-4
+
+
+def test_no_derivative_where_fresnel_begins() -> None:
+    scene = scene_of({"b": vr.Sphere(material="m")}, {"m": vr.Material(fresnel="dielectric")})
+    with pytest.raises(vr.UserError, match=r"materials\.m\.kr: has no derivative at 0"):
+        vr.gradient(scene, "materials.m.kr")
 
 
 def test_a_priority_decides_whose_surface_reflects() -> None:

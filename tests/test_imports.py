@@ -71,7 +71,7 @@ scene
 animation.moment
 data_report mesh_report clip_report constant_report csg_report track_report
 polynomials.sign_region polynomials.formula_facts
-feature_rules features material_report tables progress differentiable
+feature_rules features material_report glass_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
 output.system_viewer
 output.image output.preview output.lock

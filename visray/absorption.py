@@ -17,5 +17,8 @@ def let_through(absorption: Any, length: Any) -> Any:
     Error: relative, at most gamma(4) (1 + x) for the exponent x, in the precision of the colour
         (tests/test_absorption.py).
     """
-    number = type(absorption.x)
-    return type(absorption)(*(dr.select(c > 0, dr.exp(-number(c * length)), 1) for c in absorption))
+    number, endless = type(absorption.x), length == dr.inf
+    way = dr.select(endless, 0, length)
+    # A colour of 0 is not left out here, because the derivative by it is not 0.
+    left = (dr.exp(-number(c * way)) for c in absorption)
+    return type(absorption)(*(dr.select(endless & (c > 0), 0, x) for c, x in zip(absorption, left)))

@@ -94,6 +94,8 @@ def _flaw(scene: Scene, address: str, wrt: Sequence[str]) -> str | None:
         material = used_materials(scene).get(name, scene.materials[name])
         if field == "kt" and (material.back or name in {m.back for m in scene.materials.values()}):
             return "as the two sides of a two-sided material are opaque"
+        if field == "kt" and material.fresnel == "metal":
+            return "as a metal is opaque"
         if field == "kt" and not any(scene.materials[name].kt) and _in_union(scene, name):
             return "at 0, as an opaque union is one solid and a transparent one is not; write a merge"
         if material.fresnel != "none" and not any((*material.kr, *material.kt)):

@@ -51,11 +51,14 @@ def _open_part(shape: Primitive) -> Primitive:
 def _of_sheets(scene: Scene, material: str, kind: str, advice: str, names: list[str]) -> str:
     """The sentence about objects of one material and one kind."""
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    ior = used_materials(scene)[material].ior
-    return (
+    m = used_materials(scene)[material]
+    text = (
         f"{address_of(names[0])}{more}: a {kind} that is open bends no light, although materials.{material} has kt and "
-        f"the ior {ior:g}; {advice}, or write the ior 1 if light shall go straight through"
+        f"the ior {m.ior:g}; "
     )
+    if m.fresnel == "dielectric":
+        return f"{text}it is a thin pane; {advice} if light shall be bent"
+    return f"{text}{advice}, or write the ior 1 if light shall go straight through"
 
 
 def warn_of_large_colors(scene: Scene) -> None:
@@ -103,6 +106,11 @@ def _surplus(scene: Scene, m: Material) -> str | None:
     kd, ks, weight = _diffuse(scene, m), np.array(m.ks, float), 1 - kt if weighted else 1
     if m.unlit:  # what it shows is no light that it gets
         kd, ks = 0 * kd, 0 * ks
+    if passes_on and m.fresnel == "dielectric":
+        # A share F of the light goes by kr, and 1 - F by the others; with settings.local "full", kd and ks come on top.
+        kr, kt = (0 * kr, kt) if weighted else (np.maximum(kr, kt), 0 * kt)
+    if passes_on and m.fresnel == "metal" and not weighted:
+        kr = np.ones(3)  # at grazing angles
     total = kr + kt + weight * (kd + ks)
     # The sum has at most six roundings.
     if (total <= 1 + gamma(6)).all():

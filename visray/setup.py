@@ -20,6 +20,7 @@ from visray.environment_map import EnvironmentMap
 from visray.environment_report import warn_of_environment
 from visray.errors import UserError
 from visray.features import Features, features
+from visray.glass_report import warn_of_glass
 from visray.images.environment import pack_map
 from visray.kernel_scene import KernelScene, kernel_scene
 from visray.material_report import warn_of_large_colors, warn_of_sheets
@@ -164,6 +165,7 @@ def prepare(
     effects, packed = features(scene, wrt, everything, without), pack(differentiable(scene, wrt) if wrt else scene, a)
     warn_of_sheets(scene, effects)
     warn_of_large_colors(scene)
+    warn_of_glass(scene, effects)
     if attach is not None:
         attach(packed)
     sky = scene.background

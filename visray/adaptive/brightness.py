@@ -128,7 +128,8 @@ def _reflected(light: Light, material: Material, kd: np.ndarray) -> np.ndarray:
 def _passed_on(prepared: Prepared, m: Material) -> float:
     """The largest share of light from other surfaces that a material reflects, refracts or scatters."""
     effects = prepared.features
-    shares = [("reflection", m.kr), ("refraction", m.kt), ("scatter", (0.0, 0.0, 0.0) if m.unlit else m.kd)]
+    kr = (1.0,) if m.fresnel == "metal" and effects["fresnel"] else m.kr
+    shares = [("reflection", kr), ("refraction", m.kt), ("scatter", (0.0, 0.0, 0.0) if m.unlit else m.kd)]
     return max([max(colour) for effect, colour in shares if effects[effect]] + [0.0])
 
 

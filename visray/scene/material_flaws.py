@@ -15,6 +15,9 @@ def material_flaws(scene: Scene) -> Iterator[str]:
         if texture is not None and texture not in scene.textures:
             text = f"unknown texture; {hint(texture, scene.textures)}"
             yield line(f"materials.{name}.texture", texture, text)
+        if material.fresnel == "metal" and any(material.kt):
+            text = 'a metal is opaque; write the kt [0, 0, 0], or the fresnel "dielectric"'
+            yield line(f"materials.{name}.kt", material.kt, text)
         if material.back is not None:
             yield from _back_flaws(scene, name, material)
 

@@ -40,11 +40,13 @@ class InsidePath:
     """The path of shadow rays inside one object. Shapes: (N).
 
     hit: whether the ray hits the object
+    passes: whether the ray enters and leaves the object
     length: length of the path inside the object (world units)
     error: bound of the error of the length (world units)
     """
 
     hit: np.ndarray
+    passes: np.ndarray
     length: np.ndarray
     error: np.ndarray
 
@@ -120,17 +122,20 @@ def _their_transmittance(comparison: RayComparison, light: LightVisibility) -> T
     for i in np.flatnonzero(transparent):
         path = _inside_path(comparison, i, light, dark, shadow_rays)
         # As shares of dmax, the length of path at which all light is absorbed.
-        absorbed, error_of_absorbed = (np.minimum(x / materials[i].dmax, 1) for x in (path.length, path.error))
-        share[dark] *= np.where(path.hit[:, None], materials[i].kt * (1 - absorbed)[:, None], 1)
-        error[dark] += np.where(path.hit, max(materials[i].kt) * error_of_absorbed, 0)
+        m, counts = materials[i], path.passes | np.isinf(path.error)
+        absorbed = np.where(path.passes, np.minimum(path.length / m.dmax, 1), 0)
+        error_of_absorbed = np.where(counts, np.minimum(path.error / m.dmax, 1), 0)
+        share[dark] *= np.where(path.hit[:, None], m.kt * (1 - absorbed)[:, None], 1)
+        share[dark] *= np.exp(-np.multiply.outer(path.length, m.absorption))
+        error[dark] += np.where(path.hit, max(m.kt) * error_of_absorbed, 0)
+        error[dark] += np.minimum(path.error * max(m.absorption), 1) if any(m.absorption) else 0
     return Transmittance(share, error)
 
 
 def _inside_path(
     comparison: RayComparison, i: int, light: LightVisibility, lanes: np.ndarray, shadow_rays: ShadowRays
 ) -> InsidePath:
-    """The path of shadow rays inside object i. As in visray, its length is 0 if one end of the ray is inside the object
-    and not on its surface.
+    """The path of shadow rays inside object i.
 
     lanes: indices of the pixels that the shadow rays belong to
     shadow_rays: rays to the light without their first piece, which is as long as light.margin
@@ -139,7 +144,7 @@ def _inside_path(
     primitive: Primitive = theirs.scene.objects[name]
     if not primitive.closed:
         hit = np.isfinite(theirs.first_hit(shadow_rays, (name,))[0])
-        return InsidePath(hit, np.zeros(len(hit)), np.zeros(len(hit)))
+        return InsidePath(hit, ~hit & hit, np.zeros(len(hit)), np.zeros(len(hit)))
     low, high = (np.array(corner) - theirs.centre for corner in bounding_box(primitive))
     beyond = np.linalg.norm(0.5 * (low + high) - shadow_rays.p, axis=1) + np.linalg.norm(high - low)
     crossings = _crossings(comparison, i, replace(shadow_rays, length=beyond))
@@ -153,7 +158,7 @@ def _inside_path(
     if theirs.rounding.sided[i]:
         unsure |= np.isfinite(crossings.t[0]) & ((crossings.cosine[0] > 0) != starts_inside)
     ends_inside = (before.sum(0) + starts_inside) % 2 == 1
-    end = np.zeros(len(lanes))
+    end = shadow_rays.length
     if touches := i in light.touching:
         # The path inside ends at the light itself, though the shadow rays are cut off before it.
         points = comparison.points()[lanes]
@@ -163,9 +168,7 @@ def _inside_path(
     length += np.where(ends_inside, end, 0) + np.where(starts_inside, margin, 0)
     passes = before.any(0) & (on_surface | ~starts_inside) & (touches | ~ends_inside)
     error = np.where(before, crossings.error, 0).sum(0)
-    return InsidePath(
-        before.any(0), np.where(passes, np.maximum(length, 0), 0), np.where(unsure, np.inf, np.where(passes, error, 0))
-    )
+    return InsidePath(before.any(0), passes, np.maximum(length, 0), np.where(unsure, np.inf, error))
 
 
 @dataclass(frozen=True)

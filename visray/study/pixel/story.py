@@ -71,7 +71,7 @@ class SurfaceStory:
 
     way: how the path comes here: "camera", "reflection", "total reflection", "refraction", "passing" (a surface that
         counts for nothing, because another transparent solid fills both of its sides) or "scattering".
-    weight: factor of the light from here in the pixel.
+    weight: factor of the light from here in the pixel, with what media on the way have absorbed.
     object: address of the object, or of a visible light, which has no material; None if nothing is met.
     distance, point, normal, uv, inside: the hit; `inside` is whether the surface is seen from its inside.
     material: address of the material; its numbers at this point, after the texture.
@@ -142,11 +142,13 @@ class SurfaceStory:
 
     def _numbers(self) -> Iterator[str]:
         """The numbers of the material that matter."""
-        companions = {"ks": ("shininess",), "kt": ("ior",)}
+        refined = {"ks": ("shininess",), "kt": ("ior", "absorption")}
         for field in ("ka", "kd", "ks", "kr", "kt", "emission"):
-            others = companions.get(field, ())
             if field in ("ka", "kd") or any(self.material[field]):
+                others = (x for x in refined.get(field, ()) if x != "absorption" or any(self.material[x]))
                 yield from (f"{name} {shown(self.material[name])}" for name in (field, *others))
+        if self.material["fresnel"] != "none":
+            yield f"fresnel {self.material['fresnel']}"
 
 
 @dataclass(frozen=True)

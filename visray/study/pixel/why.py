@@ -23,7 +23,7 @@ from visray.integrator import camera_origin, object_of
 from visray.interaction import Interaction
 from visray.light_probe import LightProbe, centre_sample, interaction_of, numbers, prepared_lights, probed
 from visray.lights.light import Light
-from visray.media import Interface, interface_at, local_weight
+from visray.media import Interface, interface_at, local_weight, transmitted
 from visray.modes import BY_NAME
 from visray.pytree import evaluated
 from visray.quantities import quantities
@@ -91,6 +91,8 @@ class _Walk:
             if (lamp := self.lamp(si, ray, way, weight, limits)) is not None:
                 surfaces.append(lamp)
                 break
+            if (passed := transmitted(s, si, media)) is not None:
+                weight = weight * passed
             surfaces.append(self.surface(si, ray, way, weight, media))
             if not s.features["paths"] or surfaces[-1].object is None:
                 break
@@ -207,7 +209,8 @@ class _Walk:
         changed = ("ka", "kd", *(material.colored if "." in name else ()))
         values |= {f: self.first(x) for f in changed if (x := getattr(si.material, f)) is not None}
         texture = None if material.texture is None else f"textures.{material.texture}"
-        return {"address": f"materials.{given}", "texture": texture, "shading": material.shading} | values
+        texts = {"texture": texture, "shading": material.shading, "fresnel": material.fresnel}
+        return {"address": f"materials.{given}"} | texts | values
 
     def lights(self, si: Interaction) -> tuple[LightStory, ...]:
         """What becomes of each light at a surface point."""
@@ -268,6 +271,9 @@ def _notes(material: dict[str, Any], local: str) -> tuple[str, ...]:
     kt, kr = (np.array(material[k]) for k in ("kt", "kr"))
     own = 1 if local == "full" else 1 - kt
     own = 0 if material["shading"] == "unlit" else own  # what it shows is no light that it gets
+    if material["fresnel"] == "dielectric":
+        # A share F of the light goes by kr, and 1 - F by the others.
+        kr, kt = (0 * kr, kt) if local != "full" else (np.maximum(kr, kt), 0 * kt)
     total = kr + kt + own * (np.array(material["kd"]) + material["ks"])
     if total.max() <= 1:
         return ()

@@ -66,6 +66,8 @@ SCENES = {
         "transparent-spheres": "Balls that bend light as air, water, glass and diamond do",
         "transparencies": "A thin red and a deep blue ball with coloured shadows",
         "nested-glass": "A ball of glass in a tank of water",
+        "fresnel": "Glass, water, varnish, gold and copper that reflect by the angle",
+        "absorption": "Coloured glass takes light by its thickness",
         "total-internal-reflection": "Seen from under water: the surface is a mirror at flat angles",
         "environment": "A mirror, glass, gold and matte things under a painted sky at dusk",
         "glass-heart": "A heart of red glass, and its coloured shadow",

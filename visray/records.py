@@ -67,10 +67,12 @@ def record_kind(kind: type) -> type:
         own.update(facts.defaults)
         for name, made in facts.made.items():
             own[name] = made()
-        inputs = {name: given.pop(name, None) for name in facts.inputs}
-        own.update(given)
         if facts.has_more:
+            inputs = {name: given.pop(name, None) for name in facts.inputs}
+            own.update(given)
             self.__post_init__(**inputs)
+        else:
+            own.update(given)
 
     kind.__init__ = __init__
     kind.__repr__ = record_text

@@ -3,7 +3,7 @@
 In Python, such a field may hold the entry itself. A scene gives it a name (scene/naming.py).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import Annotated, Any, get_args
@@ -53,6 +53,23 @@ def operands_of(record: Any) -> Iterator[tuple[str, str, Any]]:
     for role in roles_of(type(record)):
         if isinstance(operands := getattr(record, role), (list, tuple, dict)):
             yield from ((role, name, x) for name, x in named_operands(operands).items())
+
+
+@cache
+def _fields_to_ask(kind: type) -> tuple[str, ...]:
+    """The fields of a kind that may have entries: references and operands."""
+    return (*references(kind), *roles_of(kind))
+
+
+def first_with_entries(records: Iterable[Any]) -> Any | None:
+    """The first of some records that has an entry in place of a name; None if there is none. It is fast for records
+    whose fields hold names alone."""
+    for record in records:
+        for name in _fields_to_ask(type(record)):
+            value = getattr(record, name)
+            if value is not None and type(value) is not str and has_entries(record):
+                return record
+    return None
 
 
 def has_entries(record: Any) -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 
 from visray.hints import hint
 from visray.operands import like_operands
-from visray.references import has_entries, is_entry, operands_of, references, roles_of
+from visray.references import first_with_entries, has_entries, is_entry, operands_of, references, roles_of
 
 # Sections whose entries other entries refer to, and those whose entries refer to others.
 REFERRED = ("textures", "materials", "geometries")
@@ -51,7 +51,7 @@ def named(given: dict[str, Any]) -> dict[str, Any]:
         return given
     entries = (x for section in REFERRING for _, x in _entries(given, section))
     data = given.get("data")
-    if not any(map(has_entries, entries)) and not any(map(has_entries, _parts_of(data).values())):
+    if first_with_entries(entries) is None and first_with_entries(_parts_of(data).values()) is None:
         return given
     namer = _Namer({name: given.get(name, {}) for name in REFERRED})
     for section in REFERRING:

@@ -32,7 +32,7 @@ WITH_METHODS = {"Image", "Prepared"}
 HINT = "In Python, `help(vr.NAME)` shows the rest. On the site, it is below."
 # A line of a docstring that is at least as long has its next words in the next line.
 FULL = 85
-SCENE_MODULES = ("scene", "camera", "materials", "textures", "transforms", "primitives.clips", "environment")
+SCENE_MODULES = ("scene", "camera", "materials", "textures", "transforms", "primitives.clips", "environment_map")
 
 
 def page_of(name: str) -> str:
@@ -86,12 +86,14 @@ def restructured(docstring: str) -> list[str]:
     lines after one of them belong to it if they are indented, or if the line before is full."""
     lines: list[str] = []
     for paragraph in docstring.split("\n\n"):
-        if all(line.startswith("    ") for line in paragraph.splitlines()):
-            lines += ["::", "", *paragraph.splitlines(), ""]
+        written = paragraph.splitlines()
+        block = len(written) > 1 and written[0].endswith(":") and written[1].startswith("    ")
+        if block or all(line.startswith("    ") for line in written):
+            lines += ["::", "", *(f"    {line}" for line in written), ""]
             continue
         indent, before = "", ""
-        for line in paragraph.splitlines():
-            if item := re.match(r"(\w+(?:, \w+)*): (.*)", line):
+        for line in written:
+            if lines and (item := re.match(r"(\w+(?:, \w+)*): (.*)", line)):
                 lines += ["", f"* **{escaped(item[1])}**: {escaped(item[2])}"]
                 indent = "  "
             else:

@@ -65,11 +65,11 @@ def test_links_to_folders_are_text_and_links_to_other_files_stay():
 
 def test_a_docstring_becomes_restructured_text():
     full = "w" * docs_api.FULL
-    docstring = f"Of `a` and *b_.\n\nx, y: {full}\ngoes on.\nz: last.\nNew.\n\n    code_a = 1\n\nEnd."
+    docstring = f"Of `a` and *b_.\n\nx, y: {full}\ngoes on.\nz: last.\nNew.\n\n    code_a = 1\n\nwith x:\n    y\n\nEnd."
     assert docs_api.restructured(docstring) == [
         r"Of ``a`` and \*b\_.", "",
         "", f"* **x, y**: {full}", "  goes on.", "", "* **z**: last.", "", "New.", "",
-        "::", "", "    code_a = 1", "", "End.", "",
+        "::", "", "        code_a = 1", "", "::", "", "    with x:", "        y", "", "End.", "",
     ]  # fmt: skip
 
 

@@ -184,7 +184,7 @@ def test_a_dict_is_a_scene():
     mixed = vr.load({"objects": [vr.Plane(material=vr.Material(kd=(1, 0, 0))), {"type": "sphere"}]})
     assert list(mixed.objects) == ["plane", "sphere"] and mixed.materials["plane"].kd == (1.0, 0.0, 0.0)
     with pytest.raises(UserError, match=r"^objects.a.radius = -1: must be greater than 0$"):
-        vr.load({"objects": {"a": {"type": "sphere", "radius": -1}}})
+        vr.load({"objects": {"a": {"type": "sphere", "radius": -1}}, "camera": {}, "lights": {}})
     with pytest.raises(UserError, match="a dict is no VisRayTrace scene"):
         vr.load(content, compat=True)
 

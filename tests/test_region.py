@@ -79,7 +79,7 @@ def test_tiles_and_checkpoints_of_a_region(tmp_path):
     loaded = Samples.load(made.a, tmp_path / "film", identity_of(made))
     assert np.array_equal(np.array(loaded.mean), np.array(film.mean))
     other = prepare(scene(region=(5, 3, 18, 13)))
-    with pytest.raises(vr.UserError, match=r"is of region \[5, 3, 18, 12\], not region \[5, 3, 18, 13\]"):
+    with pytest.raises(vr.UserError, match=r"is of region \[5, 3, 18, 12\], not \[5, 3, 18, 13\]"):
         Samples.load(made.a, tmp_path / "film", identity_of(other))
     with pytest.raises(vr.UserError, match=r"is of region .*, not no region"):
         Samples.load(made.a, tmp_path / "film", identity_of(prepare(scene())))

@@ -11,6 +11,7 @@ from visray.scene.scene import Scene
 from visray.version import __version__
 
 ANOTHER_SCENE = "is of another scene"
+NO_REGION = "no region"
 
 
 class PictureIdentity:
@@ -76,7 +77,7 @@ class PictureIdentity:
             return None
         for fact, value in self.facts.items():
             if (theirs := other.facts.get(fact)) != value:
-                return ANOTHER_SCENE if fact == "scene" else f"is of {_shown(fact, theirs)}, not {_shown(fact, value)}"
+                return ANOTHER_SCENE if fact == "scene" else f"is of {_named(fact, theirs)}, not {_shown(fact, value)}"
         return None
 
 
@@ -87,8 +88,14 @@ def raster_of(facts: Mapping[str, Any]) -> tuple[int, int]:
     return right - left, bottom - top
 
 
+def _named(fact: str, value: Any) -> str:
+    """A fact with its name, as text for messages."""
+    shown = _shown(fact, value)
+    return shown if shown == NO_REGION else f"{fact} {shown}"
+
+
 def _shown(fact: str, value: Any) -> str:
-    """A fact as text for messages; a size as `width x height`."""
+    """The value of a fact as text for messages; a size as `width x height`."""
     if fact == "region" and not value:
-        return "no region"
-    return f"{fact} {' x '.join(map(str, value)) if fact == 'size' and isinstance(value, list) else value}"
+        return NO_REGION
+    return " x ".join(map(str, value)) if fact == "size" and isinstance(value, list) else str(value)

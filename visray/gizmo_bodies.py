@@ -106,7 +106,8 @@ def gizmo_bodies(scene: Scene, rows: Rows) -> list[GizmoBodies]:
     if rows.material in transparent:
         transparent.add(ROW_MATERIAL)
     material = rows.material if rows.color is None else ROW_MATERIAL
-    gizmo = Instance(geometry=rows.geometry, material=material, transform=(UNMOVED,))
+    # The name ROW_MATERIAL is not one that a user can write, so it is set without a check.
+    gizmo = Instance(geometry=rows.geometry, transform=(UNMOVED,)).with_fields(material=material)
     bodies: Sequence[Body] = list(separate_bodies("", gizmo, scene.geometries, transparent).values())
     if not bodies:
         bodies = [Body(next(operands("", gizmo, scene.geometries)), gizmo)]

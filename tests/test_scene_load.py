@@ -36,9 +36,10 @@ KINDS, LIGHTS = (
     for kinds in (primitives.OBJECTS, lights.KINDS)
 )
 TEXTURES = "image, checker"
+SKIES = "an object {...} with the keys top, bottom or an object {...} with the keys file, rotation, intensity"
 MATERIAL = (
-    "color, ka, kd, ks, shininess, kr, kt, ior, dmax, absorption, fresnel, priority, texture, textured, shading, "
-    "colored, back"
+    "color, ka, kd, ks, shininess, kr, kt, ior, dmax, absorption, fresnel, emission, priority, texture, textured, "
+    "shading, colored, back"
 )
 
 
@@ -452,7 +453,10 @@ COLOUR = 'a colour: a name such as "tomato", "#rrggbb", a number, or 3 numbers (
     [
         ([1, 2], [f"background = [1, 2]: must be {COLOUR}"]),
         ([1, 2, -1], ["background.2 = -1: must be at least 0"]),
-        (True, [f"background = true: must be an object {{...}} with the keys top, bottom or {COLOUR}"]),
+        (
+            True,
+            [f"background = true: must be {SKIES} or {COLOUR}"],
+        ),
         ({"top": [1, 1, 1]}, [f"background: the key 'bottom' is missing; it is {COLOUR}"]),
         (
             {"top": [1, 1, 1], "botom": [1, 1, 1]},
@@ -545,7 +549,7 @@ NAN = float("nan")
         (
             {"type": "disk", **HERE, "Radius": 1},
             ".Radius: unknown key; did you mean 'radius'? "
-            "(one of type, intensity, Ia, Id, Is, a, b, c, samples, position, normal, radius)",
+            "(one of type, intensity, Ia, Id, Is, a, b, c, samples, visible, position, normal, radius)",
         ),
         (
             {"type": "directional", "direction": [0, 1, 0], "b": 1},
@@ -693,10 +697,13 @@ def test_textures_that_are_no_object_make_no_names_unknown(tmp_path: Path) -> No
         ({"misses": "black"}, 'misses = "black": unknown value; one of background, ambient'),
         ({"local": "half"}, 'local = "half": unknown value; one of weighted, full'),
         ({"area": "center"}, 'area = "center": unknown value; did you mean "centre"? (one of samples, centre)'),
-        ({"occlusion": 5}, "occlusion = 5: must be an object {...} with the keys sky, near, distance, hemisphere"),
+        (
+            {"occlusion": 5},
+            "occlusion = 5: must be an object {...} with the keys sky, near, distance, hemisphere, light",
+        ),
         (
             {"occlusion": None},
-            "occlusion = null: must be an object {...} with the keys sky, near, distance, hemisphere",
+            "occlusion = null: must be an object {...} with the keys sky, near, distance, hemisphere, light",
         ),
         ({"occlusion": {"sky": -1}}, "occlusion.sky = -1: must be at least 0"),
         ({"occlusion": {"near": 65537}}, "occlusion.near = 65537: must be at most 65536"),
@@ -709,7 +716,7 @@ def test_textures_that_are_no_object_make_no_names_unknown(tmp_path: Path) -> No
         ),
         (
             {"occlusion": {"skye": 1}},
-            "occlusion.skye: unknown key; did you mean 'sky'? (one of sky, near, distance, hemisphere)",
+            "occlusion.skye: unknown key; did you mean 'sky'? (one of sky, near, distance, hemisphere, light)",
         ),
         ({"scatter": []}, "scatter = []: must be an object {...} with the keys rays, depth"),
         ({"scatter": {"rays": 0.5}}, "scatter.rays = 0.5: must be a whole number"),

@@ -4,6 +4,7 @@ Chances of a false alarm are about 1e-6 in each test; seeds are fixed.
 """
 
 import json
+import re
 import signal
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -1102,14 +1103,17 @@ def test_a_command_to_an_error(scene_file: str, tmp_path: Path, capsys: pytest.C
     assert facts["spp_least"] <= facts["spp"] <= facts["spp_most"] and facts["sampler"] == "sobol"
     assert Image.read(out)["samples"].sum() == pytest.approx(facts["spp"] * 1200, abs=6)
     code, text, err = said(capsys, "render", scene_file, "-o", out, "--error", "0.03")
-    assert code == 0 and "error 0.0" in text and "spp (" in text and "forecast: error" in err
+    samples = f"{facts['spp']:.3g} samples per pixel ({facts['spp_least']} to {facts['spp_most']})"
+    assert code == 0 and "pixels in " in text and text.endswith(f", {samples}\n")
+    assert re.search(r", error \d[.\d]* % \([.\d]+ to [.\d]+ %", text), text
+    assert "forecast: an error of " in err and " % with " in err
 
 
 def test_a_command_in_a_time(scene_file: str, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """The time counts from the start of the process, which is the tests' own here."""
     out = str(tmp_path / "a.exr")
     code, text, err = said(capsys, "render", scene_file, "-o", out, "--time", "1e-3")
-    assert code == 0 and "note: time = 0.001: loading, compiling and writing alone take" in err and "error 0." in text
+    assert code == 0 and "note: time = 0.001: loading, compiling and writing alone take" in err and ", error " in text
     code, text, _ = said(capsys, "render", scene_file, "-o", out, "--time", "1e-3", "--json")
     facts = json.loads(text)
     assert code == 0 and facts["time_missed"].startswith("loading, compiling") and facts["seconds"] > 1e-3

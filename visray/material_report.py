@@ -1,4 +1,5 @@
-"""What visray says about the materials of a scene: glass on open surfaces, and more light than arrives."""
+"""What visray says about the materials of a scene: glass on open surfaces, colours written as those of a screen, a
+priority without effect, and more light than arrives."""
 
 import numpy as np
 
@@ -20,9 +21,10 @@ class MaterialWarning(UserWarning):
     """Warning about a material that does not do what it seems to say."""
 
 
-def warn_of_sheets(scene: Scene, effects: Features) -> None:
-    """Warns of glass on open surfaces. Each is shown once. effects: those that are simulated."""
-    for text in sheet_notes(scene, effects):
+def warn_of_materials(scene: Scene, effects: Features) -> None:
+    """Warns of glass on open surfaces, of colours of a screen, and of a priority without effect. Each warning is shown
+    once. effects: those that are simulated."""
+    for text in (*sheet_notes(scene, effects), *color_notes(scene), *priority_notes(scene)):
         warn(text, MaterialWarning)
 
 
@@ -37,7 +39,7 @@ def sheet_notes(scene: Scene, effects: Features) -> list[str]:
         material = scene.materials_of(obj)[0]
         if material in bending and not (shape := scene.shape_of(obj)).closed:
             shape = _open_part(shape)
-            sheets.setdefault((material, shape.type, shape.advice_for_glass()), []).append(name)
+            sheets.setdefault((material, shape.type, shape.advice_for_solid()), []).append(name)
     return [_of_sheets(scene, *key, names) for key, names in sheets.items()]
 
 
@@ -61,11 +63,15 @@ def _of_sheets(scene: Scene, material: str, kind: str, advice: str, names: list[
     return f"{text}{advice}, or write the ior 1 if light shall go straight through"
 
 
-def warn_of_large_colors(scene: Scene) -> None:
-    """Warns of colours that are meant to be those of a screen, from 0 to 255, and are written as linear light. Each is
-    shown once."""
-    for text in color_notes(scene):
-        warn(text, MaterialWarning)
+def priority_notes(scene: Scene) -> list[str]:
+    """A list with a sentence for each opaque material with a priority: only the insides of transparent solids have
+    one."""
+    return [
+        f"materials.{name}.priority = {m.priority:g}: has no effect, because kt is 0 and the material is opaque; give "
+        "kt a value above 0, or leave priority out"
+        for name, m in scene.materials.items()
+        if m.priority != Material().priority and not any(m.kt)
+    ]
 
 
 def color_notes(scene: Scene) -> list[str]:

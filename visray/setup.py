@@ -23,7 +23,7 @@ from visray.features import Features, features
 from visray.glass_report import warn_of_glass
 from visray.images.environment import pack_map
 from visray.kernel_scene import KernelScene, kernel_scene
-from visray.material_report import warn_of_large_colors, warn_of_sheets
+from visray.material_report import warn_of_materials
 from visray.mesh_report import warn_of_meshes
 from visray.pack import Packed, pack
 from visray.pass_timer import PassTimer
@@ -163,9 +163,13 @@ def prepare(
     warn_of_data(scene)
     warn_of_environment(scene)
     effects, packed = features(scene, wrt, everything, without), pack(differentiable(scene, wrt) if wrt else scene, a)
+<<<<<<< HEAD
     warn_of_sheets(scene, effects)
     warn_of_large_colors(scene)
     warn_of_glass(scene, effects)
+=======
+    warn_of_materials(scene, effects)
+>>>>>>> 2e6998b (A priority of an opaque material is noted; a test of adaptive renders reads the line that render prints now)
     if attach is not None:
         attach(packed)
     sky = scene.background

@@ -60,7 +60,7 @@ class Csg(Primitive):
         """Whether the object has a bounding box."""
         return self.kind.bounded
 
-    def advice_for_glass(self) -> str:
+    def advice_for_solid(self) -> str:
         return 'leave "ends" out, and let its first operand be a solid'
 
     def bounds(self, outer: Frame | None) -> Bounds:

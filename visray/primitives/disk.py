@@ -42,7 +42,7 @@ class Disk(Flat):
     def within(x: Any, y: Any) -> Any:
         return x * x + y * y <= 1
 
-    def advice_for_glass(self) -> str:
+    def advice_for_solid(self) -> str:
         return "use a solid, such as a thin cylinder"
 
     def mitsuba(self) -> MitsubaShapes | str:

@@ -154,7 +154,7 @@ class Mesh(Primitive):
         """Whether the object is a solid."""
         return self.solid is not False and self.shape_of_file().topology.closed
 
-    def advice_for_glass(self) -> str:
+    def advice_for_solid(self) -> str:
         edges = gaps(self.shape_of_file())
         return f"close it: it has {edges}" if edges else 'leave "solid" out'
 

@@ -66,7 +66,7 @@ class Polynomial(Algebraic):
         """Whether the object is a solid."""
         return self.ends == "capped"
 
-    def advice_for_glass(self) -> str:
+    def advice_for_solid(self) -> str:
         return 'write "ends": "capped"'
 
     @property

@@ -313,7 +313,7 @@ class Primitive:
         """The unit normal with which a surface point p is shaded. Domain: kinds with `bends_normals`."""
         raise TypeError("no normal of its own for shading")
 
-    def advice_for_glass(self) -> str:
+    def advice_for_solid(self) -> str:
         """What to write where a solid is needed and the object is none. Domain: open objects."""
         return "use a solid, such as a box or a cylinder"
 

@@ -49,7 +49,7 @@ class Rectangle(Flat):
     def within(x: Any, y: Any) -> Any:
         return (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
 
-    def advice_for_glass(self) -> str:
+    def advice_for_solid(self) -> str:
         return "use a solid, such as a thin box"
 
     def mitsuba(self) -> MitsubaShapes | str:

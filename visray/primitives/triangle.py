@@ -190,7 +190,7 @@ class Triangle(Flat):
         local = Frame(x, y, dr.cross(x, y), placed.a).inverse().point(p)
         return local.x, local.y
 
-    def advice_for_glass(self) -> str:
+    def advice_for_solid(self) -> str:
         return "use a solid, such as a closed mesh"
 
     def mitsuba(self) -> MitsubaShapes | str:

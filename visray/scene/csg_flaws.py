@@ -113,7 +113,7 @@ def _solid_flaws(operand: Operand, geometries: Mapping[str, Primitive]) -> Itera
         part = None if is_solid(operand.shape, geometries) else _open_part(operand, geometries)
         if part is None:
             return
-        advice = 'write "ends": "capped"' if isinstance(part.shape, Csg) else part.shape.advice_for_glass()
+        advice = 'write "ends": "capped"' if isinstance(part.shape, Csg) else part.shape.advice_for_solid()
     except MeshError:
         return  # another line says what is wrong with the mesh
     if operand.role == "cut":

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from visray.scene.address import changed
+from visray.study.cost.advice import advice
 from visray.study.cost.records import Price, Report
-from visray.study.cost.report import advice
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 # The scene, a title, and what is set.

@@ -146,7 +146,8 @@ def test_on_the_command_line(file: str, capsys: pytest.CaptureFixture) -> None:
     tokens = ["explain", file, "--cost", "--spp", "1", "--runs", str(FEWEST_RUNS)]
     assert main(tokens) == 0
     text = capsys.readouterr().out
-    for word in ("8 x 6 pixels, 1 samples", "operations", "run, ms", "compile, s", "all"):
+    heads = "operations", "rendering, ms", "compiling, s"
+    for word in ("8 x 6 pixels with 1 sample per pixel", *heads, "the whole picture"):
         assert word in text
     assert main([*tokens, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

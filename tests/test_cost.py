@@ -28,10 +28,11 @@ from visray.renderer import render
 from visray.scene.address import changed
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
 from visray.study.cost import measuring, study, truth
+from visray.study.cost.advice import advice, label
 from visray.study.cost.knobs import FACTORS, MORE, SAMPLERS, SAMPLES, default, knobs
 from visray.study.cost.measuring import LONGEST, SMALLEST, TURNS, Studio, band, reduced
 from visray.study.cost.records import Band, Price, Reference, Report, Slope
-from visray.study.cost.report import STOPPED, advice, as_csv, as_json, table
+from visray.study.cost.report import STOPPED, as_csv, as_json, table
 from visray.study.cost.study import LEAST_SEEDS, MOST_SEEDS, cost
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
@@ -229,7 +230,7 @@ def test_writing(report: Report) -> None:
     assert rows[0]["knob"] == "scene" and rows[0]["settings.spp"] == "4"
     assert rows[0]["lights.window.samples"] == "2" and float(rows[0]["rmse"]) == report.default.error.rmse.middle
     text = printed(report)
-    for word in (*names(SOFT)[:4], "32 x 24", "8-bit output", "reference", advice(report)):
+    for word in (*map(label, names(SOFT)[:4]), "32 x 24", "8-bit output", "reference", advice(report)):
         assert word in " ".join(text.split())
     assert found["advice"] == advice(report)
 

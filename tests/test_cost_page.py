@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from visray.study.cost import charts
+from visray.study.cost.advice import advice, halving, label, options, reason
 from visray.study.cost.page import display, page
 from visray.study.cost.records import Band, Curve, Error, Geometry, Price, Record, Reference, Report, Slope
-from visray.study.cost.report import STOPPED, advice, duration, halving, hundredths, number, percent, times
+from visray.study.cost.report import STOPPED
+from visray.study.cost.writing import changes, duration, hundredths, number, percent, times
 
 H, W = 24, 32
 RNG = np.random.default_rng(1)
@@ -256,17 +258,25 @@ def test_a_page_opens_alone(pages: dict[str, str], name: str) -> None:
 def test_it_holds_all_records_and_figures(pages: dict[str, str]) -> None:
     r, found = study(), Outline(pages["study"])
     rows = [row for row in found.rows if len(row) == 10 and row[4] != "hits lost"][1:][: len(r.records)]
-    assert [row[:2] for row in rows] == [[p.knob, str(p.value)] for p in r.records]
+    assert [row[:2] for row in rows] == [[label(p.knob), str(p.value)] for p in r.records]
     for p, row in zip(r.records, rows):
         e, b = p.error, p.error.rmse
         assert row[2] == duration(p.seconds.middle)
         assert row[3] == percent(p.seconds.middle / 0.52, 2)
         assert row[4] == f"{100 * b.middle:.3g} ({100 * b.low:.3g} to {100 * b.high:.3g})"
         assert row[7:9] == [f"{e.mrse:.2g}", f"{e.flip:.2g}"]
-    hits = [row[2:6] for row in found.rows if row[0] == "depth" and row[2:3] == ["65,536"]]
+    hits = [row[2:6] for row in found.rows if row[0] == label("depth") and row[2:3] == ["65,536"]]
     assert hits == [["65,536", str(p.geometry.lost), "0", "1"] for p in r.records if p.geometry]
     text = " ".join(found.text)
-    for part in ("8-bit output: 0.21 %", "0.03 %", "16 seeds", "drjit 1.5.0", *r.notes, advice(r), halving(r)):
+    for part in (
+        "8-bit output: 0.21 %",
+        "0.03 %",
+        "16 pictures of each choice",
+        "drjit 1.5.0",
+        *r.notes,
+        advice(r),
+        halving(r),
+    ):
         assert part in text
     # A chart for wide windows and one for narrow ones; pictures with their error maps.
     assert sum(tag == "svg" and value == "Error against time" for tag, _, value in found.attributes) == 2
@@ -283,7 +293,9 @@ def test_it_speaks_plain_english(pages: dict[str, str]) -> None:
     assert advice(r) == (
         "Use 12 sobol samples per pixel, a depth of 9 and 8 light samples: the same error in 60 % of the time."
     )
-    assert halving(r) == "Half of the error takes 2.6 times the time (2.4 to 2.8), with 41 sobol samples per pixel."
+    assert halving(r) == (
+        "For half of the error, use 41 sobol samples per pixel: it takes 2.6 times the time (2.4 to 2.8)."
+    )
     only = lambda knob, value: advice(replace(r, savings=(Price(knob, 1.0, Band(0.6, 0.5, 0.7), 0.1, value),)))  # noqa: E731
     assert only("samples, sobol", 39).startswith("Use 39 sobol samples per pixel: the same")
     assert only("light samples", 4).startswith("Use 4 light samples: the same")
@@ -292,7 +304,7 @@ def test_it_speaks_plain_english(pages: dict[str, str]) -> None:
     assert advice(replace(r, savings=())).startswith("Keep the settings: ")
     assert advice(noiseless()) == "Use 1 sample per pixel: this picture has no noise."
     never = tuple(h for h in r.halvings if h.value is None)
-    assert halving(replace(r, halvings=never)) == "No single knob halves the error within what was measured."
+    assert halving(replace(r, halvings=never)) == "No single setting halves the error within what was measured."
     assert times(Band(1.004, 0.94, 1.1)) == "the same time (0.94 to 1.1 times)"
     assert times(Band(0.6, 0.5, 1.2)) == "60 % of the time (50 to 120)"
     assert times(Band(3.79, 3.1, np.inf)) == "3.8 times the time (at least 3.1)"
@@ -300,10 +312,38 @@ def test_it_speaks_plain_english(pages: dict[str, str]) -> None:
         assert not re.search(r"today's default|of the time it|[01](\.\d+)? of (the|its) time|are even", text)
 
 
+def test_the_advice_is_followed_by_options_and_what_was_measured(pages: dict[str, str]) -> None:
+    """Options and numbers are those of the advised record. Where none of the records is advised, there are none."""
+    r = study()
+    (chosen,) = (p for p in r.joint if p.value == 9)
+    advised = replace(r, savings=(Price("together", 0.1, Band(0.4, 0.3, 0.5), 0.1, 9),))
+    turned = changes(chosen, r.default)
+    assert [w.removeprefix("--set ") for w in options(advised).replace("--spp ", "settings.spp=").split(" --set ")] == [
+        f"{a}={v}" for a, v in turned.items()
+    ]
+    assert reason(advised) == "Measured: 200 ms in place of 520 ms, and an error of 2.83 % in place of 2.14 %."
+    text = " ".join(Outline(page(advised)).text)
+    assert f"visray render SCENE {options(advised)}" in text and reason(advised) in text
+    assert options(r) == reason(r) == "" and "visray render" not in pages["study"]
+    assert options(noiseless()) == "--spp 1" and reason(noiseless()) == ""
+
+
+def test_settings_have_plain_names(pages: dict[str, str]) -> None:
+    """The word for them inside the program is on no page."""
+    assert label("samples, sobol") == "samples per pixel, sobol" and label("lamp samples") == "lamp samples"
+    assert label("scene") == "the scene as it is" and "together" in label("together")
+    assert not any(re.search(r"knob|record\b", " ".join(Outline(pages[name]).text), re.I) for name in ("study", "wide"))
+
+
 def test_what_is_not_reached_or_not_measured_is_told(pages: dict[str, str]) -> None:
     rows = {row[0]: row[1:] for row in Outline(pages["study"]).rows if len(row) == 5}
-    assert rows["samples, sobol"] == ["2.6 times the time (2.4 to 2.8)", "41", "19 %", "time^-0.74 (0.70 to 0.79)"]
-    assert rows["samples, independent"][1] == "290 (not measured)"
+    assert rows[label("samples, sobol")] == [
+        "2.6 times the time (2.4 to 2.8)",
+        "41",
+        "19 %",
+        "time^-0.74 (0.70 to 0.79)",
+    ]
+    assert rows[label("samples, independent")][1] == "290 (not measured)"
     assert rows["lamp samples"][:3] == ["not reached", "-", "64 %"]
 
 

@@ -208,9 +208,7 @@ class AdaptiveRun:
         """
         if self.time_missed is None:
             self.time_missed = cause
-            text = (
-                f"time = {self.goal.seconds:g}: {cause}; the picture gets the fewest samples possible, 2 per pixel"
-            )
+            text = f"time = {self.goal.seconds:g}: {cause}; the picture gets the fewest samples possible, 2 per pixel"
             warnings.warn(text, GoalWarning, stacklevel=7)
 
     def _seconds_left(self) -> float:

@@ -67,24 +67,38 @@ class Report:
             "total": self.total.as_json(),
         }
 
+    def headline(self) -> str:
+        """Which effect takes the most time, and which share of the whole, in one sentence."""
+        costs = {name: c.seconds for name, c in self.costs.items() if c.seconds.middle > 0 and not c.seconds.in_noise}
+        if not costs:
+            return "No effect takes a time that can be measured."
+        name, seconds = max(costs.items(), key=lambda item: item[1].middle)
+        share = 100 * seconds.middle / self.total.seconds.middle
+        return f"Most of the time that an effect takes goes to {name}: {share:.2g} % of the rendering."
+
     def table(self) -> Table:
         """The report for the terminal: the costs of the effects that the scene has."""
-        title = f"{self.width} x {self.height} pixels, {self.spp} samples per pixel; medians of {self.runs} runs"
-        table = Table("effect", title=title, caption=self._notes())
-        for name in ("operations", "run, ms", "compile, s"):
+        table = Table(
+            "effect", title=self.headline(), title_justify="left", caption=self._notes(), caption_justify="left"
+        )
+        for name in ("operations", "rendering, ms", "compiling, s"):
             table.add_column(name, justify="right", no_wrap=True)
         for name, cost_of_effect in self.costs.items():
             table.add_row(name, *cost_of_effect.texts())
         table.add_section()
-        table.add_row("all", *self.total.texts())
+        table.add_row("the whole picture", *self.total.texts())
         return table
 
     def _notes(self) -> str:
-        """Text below the table: the meaning of the columns, and which effects were left out together."""
+        """Text below the table: the meaning of its numbers, and which effects were left out together."""
+        spp = f"{self.spp} sample{'s' * (self.spp != 1)} per pixel"
         lines = [
-            "run: the compiled kernel, without the time to trace it in Python",
-            "compile: the kernel, if it is in no cache",
+            f"measured on {self.width} x {self.height} pixels with {spp}; medians of {self.runs} runs",
+            "each row: the whole picture, minus the picture without this effect",
+            "operations: steps of the program that makes the picture",
+            "rendering: time of the compiled program, without starting and compiling",
+            "compiling: needed once for a kind of scene; the compiled program is kept on disk",
             "< x: the effect may cost nothing, and costs less than x",
         ]
         lines += [f"{name}: left out together with {', '.join(c.along)}" for name, c in self.costs.items() if c.along]
-        return "\n".join(lines)
+        return "\n".join(f"- {line}" for line in lines)

@@ -12,7 +12,9 @@ each knob, a `Price` for what an error costs with a knob, and a `Report` with al
     hits.py        first hits and self-shadows against the reference
     comparing.py   frontier, prices, savings, and the best values of all knobs together
     study.py       the study: `vr.cost`
-    report.py      advice, JSON, CSV and the table of a report; how numbers are written
+    writing.py     how reports write numbers, durations and settings
+    advice.py      what a report says in sentences: what to do, and why
+    report.py      JSON, CSV and the table of a report
     charts.py      figures as SVG and PNG
     page.py        the HTML page
     tuned.py       records of `tune`

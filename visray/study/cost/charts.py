@@ -13,8 +13,10 @@ import numpy as np
 
 from visray.output import png
 from visray.output.image import Image
+from visray.study.cost.advice import label
+from visray.study.cost.knobs import TOGETHER
 from visray.study.cost.records import Band, Record, Report
-from visray.study.cost.report import changes, duration, percent, written
+from visray.study.cost.writing import changes, duration, percent, written
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 # Outlines of markers about the origin, in units of the marker's radius.
@@ -78,7 +80,7 @@ def costs(report: Report, width: int, height: int) -> str:
     for t in y.ticks():
         parts.append(f'<path class="grid" d="M{LEFT} {y(t):.1f}H{width - RIGHT}"/>')
         parts.append(_text(LEFT - 6, y(t) + 4, percent(t), "end"))
-    parts.append(_text((LEFT + width - RIGHT) / 2, height - 8, "time of one picture", "middle"))
+    parts.append(_text((LEFT + width - RIGHT) / 2, height - 8, "time of one picture, without compiling", "middle"))
     parts.append(
         f'<text transform="translate(12 {(height - BOTTOM) / 2:.0f}) rotate(-90)" text-anchor="middle">error</text>'
     )
@@ -100,7 +102,7 @@ def costs(report: Report, width: int, height: int) -> str:
 
 def legend(report: Report) -> list[tuple[str, str]]:
     """The marker, as SVG, and the name of each curve, of the best choices together, and of the scene as it is."""
-    names = [c.knob for c in report.curves] + ["together"] * bool(report.joint) + ["the scene as it is"]
+    names = [label(c.knob) for c in report.curves] + [label(TOGETHER)] * bool(report.joint) + [label("scene")]
     looks = [(MARKERS[i % len(MARKERS)], COLOURS[i % len(COLOURS)]) for i in range(len(report.curves))]
     looks += [(CROSS, "currentColor")] * bool(report.joint) + [(STAR, "currentColor")]
     icon = '<svg viewBox="-2 -2 4 4" width="18" height="18" aria-hidden="true"><path d="{}" fill="{}"/></svg>'

@@ -8,22 +8,11 @@ from math import isfinite
 import numpy as np
 
 from visray.study.cost import charts
+from visray.study.cost.advice import advice, halving, label, options, present, reason
 from visray.study.cost.knobs import SPP
 from visray.study.cost.records import Band, Report
-from visray.study.cost.report import (
-    STOPPED,
-    advice,
-    changes,
-    duration,
-    halving,
-    interval,
-    number,
-    on_frontier,
-    percent,
-    present,
-    times,
-    written,
-)  # fmt: skip
+from visray.study.cost.report import STOPPED, on_frontier
+from visray.study.cost.writing import changes, duration, interval, number, percent, times, written
 
 CSS = """
 :root { color-scheme: light dark; --ink: #1d2127; --soft: #59626d; --paper: #fff; --line: #dfe3e8; --own: #dcebfa;
@@ -48,6 +37,7 @@ tr.own > * { background: var(--own) }
 dt { font-weight: 600 } dd { margin: 0 0 .6rem }
 figure { margin: 0 } figure img { width: 100%; image-rendering: pixelated; display: block }
 .pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 240px), 1fr)); gap: 1rem }
+code { font-size: 1rem }
 .scale { height: .8rem; max-width: 30rem; display: block }
 """
 OWN = ' class="own"'
@@ -62,17 +52,21 @@ CHART_CSS = """
 .chart .narrow { display: none }
 @media (max-width: 640px) { .chart .wide { display: none } .chart .narrow { display: block } }
 """
-CHART = """Each curve turns one knob and leaves all others as in the scene. Yellow: the frontier; nothing measured is
-both faster and more accurate. Bars are intervals of 95 %. Dashed: errors that stay, whatever the samples. Point at a
-mark to read its settings."""
-RECORDS = """One row for each measured choice, in percent of the mean luminance; blue: the scene as it is; ●: on the
-frontier. In brackets: intervals of 95 %. error² = bias² + noise²: bias is the same in every picture, noise changes with
-the seed."""
-GEOMETRY = """First hits of the rays through all pixel centres, and rays that leave these hits, compared with the
-reference in double precision."""
-MEASURES = """Root mean square over pixels and channels of the difference from the reference, in linear light, over the
-mean luminance of the reference. MRSE: mean of (x - r)² / (r + 0.01)². FLIP: mean visible difference, 0 to 1, of the
-pictures as displayed, at 67 pixels per degree."""
+CHART = """Error against time; further left is faster, further down is more accurate. Each curve changes one setting and
+leaves all others as in the scene. Yellow: the frontier, the choices that nothing measured beats in both time and error.
+Bars: intervals of 95 %. Dashed: errors that stay, however many samples are taken. Point at a mark to read its
+settings."""
+HALVINGS = """Each setting changed alone, cheapest first. The last column says how the error falls with the time:
+time^-0.5 takes four times the time for half of the error, time^-1 twice the time."""
+RECORDS = """One row for each measured choice. Errors are in percent of the mean luminance of the picture. Blue: the
+scene as it is. ●: on the frontier. In brackets: intervals of 95 %. Noise differs from seed to seed, and more samples
+reduce it; bias is the same with every seed. error² = bias² + noise²."""
+GEOMETRY = """What the rays through all pixel centres hit first, and what random rays that leave these hits meet,
+compared with the reference in double precision. Distance: the largest difference, in units of the last binary digit
+(ulp). Normal: the largest angle. Self-shadows: leaving rays that are blocked where those of the reference are not."""
+MEASURES = """How far the pixels are from those of the reference: root mean square over pixels and channels, in linear
+light, over the mean luminance of the reference (relative RMSE). MRSE: mean of (x - r)² / (r + 0.01)², for a pixel x and
+its reference r. FLIP: mean visible difference, from 0 to 1, of the pictures as displayed, at 67 pixels per degree."""
 PICTURES = """Above: each picture as displayed (sRGB). Below: the error of each pixel (root mean square over seeds), on
 one logarithmic scale from {} (dark) to {} (light) of the mean luminance. The map of the reference is its own standard
 error."""
@@ -81,11 +75,13 @@ error."""
 def page(report: Report) -> str:
     """The report as an HTML page."""
     r, title = report, f"What accuracy costs: {report.scene}"
-    facts = [title, f"{r.width} x {r.height} pixels", f"{r.seeds} seeds", str(r.machine.get("date", ""))]
-    lines = [halving(r), present(r)]
+    seeds = f"{r.seeds} pictures of each choice"
+    facts = [title, f"{r.width} x {r.height} pixels", seeds, str(r.machine.get("date", ""))]
+    lines = [reason(r), present(r), halving(r)]
     parts = [
         f"<h1>{escape(' · '.join(filter(None, facts)))}</h1>",
         f'<p class="lead">{escape(advice(r))}</p>',
+        f"<p><code>visray render SCENE {escape(options(r))}</code></p>" if options(r) else "",
         *(f"<p>{escape(line)}</p>" for line in lines if line),
         *(f'<p class="warn">{escape(line)}</p>' for line in _warnings(r)),
         _chart(r), _halvings(r), _records(r), _pictures(r), _geometry(r), _measured(r),
@@ -103,9 +99,9 @@ def display(report: Report) -> str:
 
 def _warnings(r: Report) -> Iterable[str]:
     if r.stopped:
-        yield "Ctrl-C ended this study early: it has fewer seeds than asked for, or fewer choices."
+        yield "Ctrl-C ended this study early: it has fewer pictures than asked for, or fewer choices."
     if r.quick:
-        yield "This is the quick study: its pictures are small, and its intervals wide."
+        yield "This is the quick study: its pictures are small, and its intervals are wide."
 
 
 def _chart(r: Report) -> str:
@@ -117,7 +113,7 @@ def _chart(r: Report) -> str:
 
 
 def _halvings(r: Report) -> str:
-    """The price of half of the error, knob by knob."""
+    """The price of half of the error, setting by setting."""
     if not r.halvings:
         return ""
     rows, slopes = [], {c.knob: c.by_time for c in r.curves}
@@ -126,42 +122,32 @@ def _halvings(r: Report) -> str:
         value = "-" if h.value is None else written(h.value) + (" (not measured)" if h.beyond else "")
         k = slopes.get(h.knob)
         power = f"time^-{k.k:.2f} ({k.low:.2f} to {k.high:.2f})" if k else "-"
-        rows.append(((h.knob, text, value, percent(h.least, 2), power), False))
-    beyond = ' "(not measured)": carried on from the slope of the samples.' if any(h.beyond for h in r.halvings) else ""
-    note = f"Each knob alone, cheapest first.{beyond}{_together(r)}"
-    heads = ("knob", "half of the error takes", "with", "least error measured, of the scene's", "error falls as")
+        rows.append(((label(h.knob), text, value, percent(h.least, 2), power), False))
+    beyond = ' "(not measured)": carried on from the measured slope.' if any(h.beyond for h in r.halvings) else ""
+    note = f"{HALVINGS}{beyond}{_together(r)}"
+    heads = ("setting", "half of the error takes", "at the value", "least error, of the scene's", "error falls as")
     return f"<h2>What half of the error costs</h2>{_table(note, heads, rows)}"
 
 
 def _together(r: Report) -> str:
-    """What the knob "together" is."""
+    """Which settings "several together" means."""
     if not r.joint:
         return ""
     turned = (f"{a} = {written(v)}" for a, v in changes(r.joint[0], r.default).items() if a != SPP)
-    return f" Together: samples per pixel with {', '.join(turned)}."
+    return f" Several together: samples per pixel with {', '.join(turned)}."
 
 
 def _records(r: Report) -> str:
     """All records, one row each."""
-    heads = (
-        "knob",
-        "value",
-        "time",
-        "of the scene's time",
-        "error (RMSE), %",
-        "bias, %",
-        "noise, %",
-        "MRSE",
-        "FLIP",
-        "●",
-    )
+    heads = ("setting", "value", "time", "of the scene's time", "error (RMSE), %", "bias, %", "noise, %")
     rows = []
     for p in r.records:
         e, seconds, base = p.error, p.seconds.middle, r.default.seconds.middle
-        texts = [p.knob, written(p.value), duration(seconds), percent(seconds / base, 2)]
+        texts = [label(p.knob), written(p.value), duration(seconds), percent(seconds / base, 2)]
         texts += [_percents(b) for b in (e.rmse, e.bias, e.deviation)] + [number(e.mrse, 2), number(e.flip, 2)]
         rows.append(([*texts, "●" if on_frontier(p, r) else ""], p is r.default))
-    return f"<h2>Records</h2>{_table(RECORDS + _together(r), heads, rows)}"
+    table = _table(RECORDS + _together(r), (*heads, "MRSE", "FLIP", "●"), rows)
+    return f"<h2>All that was measured</h2>{table}"
 
 
 def _percents(b: Band) -> str:
@@ -195,15 +181,16 @@ def _pictures(r: Report) -> str:
 
 
 def _geometry(r: Report) -> str:
-    """Hits of the records whose knobs may change them."""
+    """Hits of the records whose settings may change them."""
     rows = []
     for p in r.records:
         if g := p.geometry:
             counts = (f"{x:,}" for x in (g.rays, g.lost, g.added, g.other))
             last = number(g.ulps), number(g.angle), f"{g.leaving:,}", f"{g.self_shadows:,}"
-            rows.append(((p.knob, written(p.value), *counts, *last), p is r.default))
-    heads = ("knob", "value", "rays", "hits lost", "hits added", "other object", "distance, ulps", "normal, rad")
-    return f"<h2>Geometry</h2>{_table(GEOMETRY, (*heads, 'leaving rays', 'self-shadows'), rows)}" if rows else ""
+            rows.append(((label(p.knob), written(p.value), *counts, *last), p is r.default))
+    heads = ("setting", "value", "rays", "hits lost", "hits added", "other object", "distance, ulps", "normal, rad")
+    title = "<h2>Geometry: hits that are lost or wrong</h2>"
+    return f"{title}{_table(GEOMETRY, (*heads, 'leaving rays', 'self-shadows'), rows)}" if rows else ""
 
 
 def _measured(r: Report) -> str:
@@ -213,8 +200,8 @@ def _measured(r: Report) -> str:
     facts = {
         "Error": MEASURES,
         "Reference": f"{truth}; its own standard error is {percent(t.error, 2)}; it took {duration(t.seconds)}",
-        "Time": f"Kernel time of one picture, measured {len(r.default.times)} times; compiling took "
-        f"{duration(r.default.compile_seconds)} once. The study took {number(r.seconds / 60, 2)} minutes.",
+        "Time": f"Of one picture, without starting and compiling, measured {len(r.default.times)} times; compiling "
+        f"took {duration(r.default.compile_seconds)} once. The study took {number(r.seconds / 60, 2)} minutes.",
         "Errors that stay": "; ".join(f"{name}: {percent(x, 2)}" for name, x in r.floors.items()),
         "Scene": f"{r.scene}, SHA-256 {r.scene_hash}",
         "Notes": "; ".join(n for n in r.notes if n != STOPPED),

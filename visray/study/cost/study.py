@@ -45,9 +45,10 @@ from visray.study.cost.measuring import LONGEST, Elsewhere, Measurement, Studio,
 from visray.study.cost.on_workers import measured_on
 from visray.study.cost.page import display, page
 from visray.study.cost.records import Curve, Record, Report
-from visray.study.cost.report import STOPPED, as_csv, as_json, duration, percent
+from visray.study.cost.report import STOPPED, as_csv, as_json
 from visray.study.cost.slopes import slope
 from visray.study.cost.truth import Truth, floors, luminance, truth
+from visray.study.cost.writing import duration, percent
 from visray.study.machine import machine
 
 SUFFIXES = (".html", ".json", ".csv")
@@ -61,8 +62,9 @@ APART = 2**31
 # These knobs may change hits; all others only change how many rays there are.
 OF_HITS = ("scene", "precision", "roots", "accelerator")
 FIXED = {
-    "scatter": "settings.scatter.depth = {0.scatter.depth} defines the light, and is not a knob",
-    "near occlusion": "settings.occlusion.distance = {0.occlusion.distance:g} defines the light, and is not a knob",
+    "scatter": "settings.scatter.depth = {0.scatter.depth} says which light there is; it was not changed",
+    "near occlusion": "settings.occlusion.distance = {0.occlusion.distance:g} says which light there is; it was not "
+    "changed",
 }
 
 

@@ -73,11 +73,11 @@ def truth(
     mean = luminance(picture)
     if mean <= 0:
         mean = 1.0
-        notes.append("the picture is black: errors are absolute")
+        notes.append("the picture is black: errors are not relative to its luminance, but absolute")
     error = float(variance.mean() ** 0.5) / mean
     if error > target:
         share = (
-            f"{100 * error / best:.0f} % of the best record's noise" if best else "more than single precision resolves"
+            f"{100 * error / best:.0f} % of the least noise measured" if best else "more than single precision resolves"
         )
         why = "Ctrl-C ended it" if interrupts.requested else "it had no more time"
         notes.append(f"the reference's own error is {100 * error:.1g} %, {share}: {why}")

@@ -9,7 +9,7 @@ from visray.errors import UserError
 from visray.scene.load import dump
 from visray.scene.scene import Scene
 from visray.study.cost.records import Band, Report, Settings
-from visray.study.cost.report import duration, percent
+from visray.study.cost.writing import duration, percent
 from visray.tables import Table, styled
 
 LATE = 1.1  # a time may be exceeded by this factor
@@ -37,6 +37,11 @@ class Target:
     def option(self) -> str:
         """The target as an option of `visray render`."""
         return f"--time {self.time:g}" if self.error is None else f"--error {self.error:g}"
+
+    @property
+    def wanted(self) -> str:
+        """The target in words."""
+        return f"a time of {duration(self.time)}" if self.error is None else f"an error of {percent(self.error, 2)}"
 
     def met(self, render: "Measured") -> bool:
         """Whether a render meets the target: an error by the upper end of its interval."""
@@ -107,6 +112,7 @@ class Tuned:
     def as_json(self) -> dict[str, Any]:
         """The result as json.dumps takes it, with the notes of the study and the machine."""
         return {
+            "advice": self.advice(),
             "asked": {k: v for k, v in asdict(self.target).items() if v is not None},
             "met": self.met,
             "stopped": self.stopped,
@@ -120,13 +126,24 @@ class Tuned:
             "scene_hash": self.scene.hash(),
         }
 
+    def advice(self) -> str:
+        """The headline: what to do, and what it brings, in one or two sentences."""
+        chosen = ", ".join(f"{a.removeprefix('settings.')}={v}" for a, v in self.changed.items())
+        if chosen:
+            todo = f"Use {chosen} with {self.target.option}"
+        else:
+            todo = f"Keep the scene's settings, and use {self.target.option}"
+        width, height = self.scene.film.raster
+        reached = f"an error of {percent(self.error.middle, 2)} in about {duration(self.seconds.middle)}"
+        missed = "" if self.met else f" The target was missed: nothing tried comes nearer to {self.target.wanted}."
+        return f"{todo}: {reached}, at {width} x {height} pixels.{missed}"
+
     def table(self) -> Table:
-        """The result for the terminal: settings, error, time, and reasons."""
-        film = self.scene.film
-        title = "{} x {} pixels: ".format(*film.raster) + ("as asked" if self.met else "not quite as asked")
-        rows = Table(title=title, caption="\n".join(f"- {r}" for r in self.reasons), caption_justify="left")
-        rows.add_column("")
-        for name in ("the scene", "tuned"):
+        """The result for the terminal: what to do, settings, error, time, and reasons."""
+        notes = "\n".join(f"- {r}" for r in self.reasons)
+        rows = Table(title=self.advice(), title_justify="left", caption=notes, caption_justify="left")
+        rows.add_column("setting")
+        for name in ("the scene as it is", "tuned"):
             rows.add_column(name, justify="right", no_wrap=True)
         for address, new in self.settings.items():
             text = styled(str(new), "bold" if address in self.changed else "dim")

@@ -38,8 +38,8 @@ from visray.study.cost.comparing import GAIN, own_samples, together
 from visray.study.cost.knobs import DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.measuring import band
 from visray.study.cost.records import Band, Report, Settings
-from visray.study.cost.report import duration, interval, percent
 from visray.study.cost.tuned import Measured, Target, Tuned
+from visray.study.cost.writing import duration, interval, percent
 
 # The squared bias of a depth or of single precision is at most this share of the squared error.
 BELOW = 1 / 16

@@ -1,0 +1,121 @@
+"""What a study of costs says in sentences: what to do first, then why."""
+
+from math import isfinite
+from shlex import quote
+from typing import Any
+
+from visray.study.cost.comparing import is_number
+from visray.study.cost.knobs import DEPTH, NEAR, PRECISION, SAMPLER, SCATTER, SKY, SPP, TOGETHER, is_samples
+from visray.study.cost.records import Price, Record, Report
+from visray.study.cost.writing import changes, duration, interval, percent, times, written
+
+BEYOND = " (not measured, but carried on from the measured slope)"
+SAME = 0.95  # a larger share of an error or a time is called the same
+# What the settings that are turned are called in tables and figures.
+LABELS = {
+    "scene": "the scene as it is",
+    "depth": "path depth",
+    "roots": "root tolerance",
+    "sky rays": "occlusion rays, sky",
+    "near rays": "occlusion rays, near",
+    TOGETHER: "several together",
+}
+
+
+def label(knob: str) -> str:
+    """What a table calls the setting of a record: "samples per pixel, sobol"."""
+    sampler = knob.removeprefix("samples, ")
+    return f"samples per pixel, {sampler}" if sampler != knob else LABELS.get(knob, knob)
+
+
+def advice(report: Report) -> str:
+    """The headline: what to do, in one sentence."""
+    spp = report.default.settings.get(SPP)
+    if report.noiseless:
+        more = is_number(spp) and spp > 1
+        return "Use 1 sample per pixel: this picture has no noise." if more else "Keep the settings: there is no noise."
+    if not report.savings:
+        return "Keep the settings: nothing measured is clearly faster or more accurate at no cost."
+    best = report.savings[0]
+    error, time = (
+        f"the same {name}" if share > SAME else f"{percent(share, 2)} of the {name}"
+        for share, name in ((best.share, "error"), (best.factor.middle, "time"))
+    )
+    return f"Use {_choice(best, report)}: {error} in {time}."
+
+
+def options(report: Report) -> str:
+    """The advice as options of `visray render`; "" where nothing is to be changed, or the choice was not measured."""
+    if report.noiseless:
+        return "--spp 1" if advice(report).startswith("Use") else ""
+    chosen = _advised(report)
+    return " ".join(_option(a, v) for a, v in changes(chosen, report.default).items()) if chosen else ""
+
+
+def reason(report: Report) -> str:
+    """What the advice rests on, in one sentence: time and error of the advised choice, and of the scene as it is. ""
+    where no measured choice is advised."""
+    chosen, own = _advised(report), report.default
+    if chosen is None:
+        return ""
+    return (
+        f"Measured: {duration(chosen.seconds.middle)} in place of {duration(own.seconds.middle)}, and an error of "
+        f"{percent(chosen.error.rmse.middle)} in place of {percent(own.error.rmse.middle)}."
+    )
+
+
+def halving(report: Report) -> str:
+    """What to do for half of the error, and what it costs, in one sentence; "" where nothing was to be halved."""
+    best = next((h for h in report.halvings if isfinite(h.factor.middle)), None)
+    if best is None:
+        return "No single setting halves the error within what was measured." if report.halvings else ""
+    beyond = BEYOND if best.beyond else ""
+    return f"For half of the error, use {_choice(best, report)}: it takes {times(best.factor)}{beyond}."
+
+
+def present(report: Report) -> str:
+    """Error and time of the scene as it is, in one sentence."""
+    d, size = report.default, f"{report.width} x {report.height} pixels"
+    off = d.error.rmse.middle > 0
+    error = f"an error of {interval(d.error.rmse, percent)}" if off else "no error that can be measured"
+    return f"As it is, the scene takes {duration(d.seconds)} for a picture of {size}, and has {error}."
+
+
+def _advised(report: Report) -> Record | None:
+    """The record that the advice is about; None if it advises no change, or none of the records."""
+    if report.noiseless or not report.savings:
+        return None
+    best = report.savings[0]
+    return next((p for p in report.records if (p.knob, p.value) == (best.knob, best.value)), None)
+
+
+def _option(address: str, value: Any) -> str:
+    """An assignment as an option of `visray render`."""
+    return f"--spp {value}" if address == SPP else f"--set {quote(f'{address}={value}')}"
+
+
+def _choice(price: Price, report: Report) -> str:
+    """What to use for a price, in words."""
+    own, value = report.default.settings, price.value
+    if price.knob == TOGETHER:
+        turned = {a: v for a, v in report.joint[0].settings.items() if a != SPP and v != own.get(a)}
+        sampler = turned.pop(SAMPLER, own.get(SAMPLER))
+        *parts, last = _samples(sampler, value), *(_setting(a, v) for a, v in turned.items())
+        return f"{', '.join(parts)} and {last}"
+    if is_samples(price.knob):
+        return _samples(price.knob.removeprefix("samples, "), value)
+    if price.knob.endswith(("samples", "rays")):
+        return f"{written(value)} {price.knob}"
+    return f"{price.knob} {written(value)}" if is_number(value) else f"{written(value)} {price.knob}"
+
+
+def _samples(sampler: str, count: Any) -> str:
+    return f"{written(count)} {sampler} {'sample' if count == 1 else 'samples'} per pixel"
+
+
+def _setting(address: str, x: Any) -> str:
+    """A setting in words: "4 light samples"."""
+    words = {DEPTH: "a depth of {}", PRECISION: "{} precision", SKY: "{} sky rays"}
+    words |= {NEAR: "{} near rays", SCATTER: "{} scatter rays"}
+    text = "{} light samples" if address.startswith("lights.") else words.get(address, f"{address} {{}}")
+    return (text.replace("samples", "sample").replace("rays", "ray") if x == 1 else text).format(written(x))

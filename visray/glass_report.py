@@ -1,4 +1,4 @@
-"""What visray says about `fresnel` and `absorption` in a scene that do not do what they seem to say."""
+"""What visray says about `fresnel`, `absorption` and `priority` in a scene that do not do what they seem to say."""
 
 import math
 
@@ -23,8 +23,8 @@ def warn_of_glass(scene: Scene, effects: Features) -> None:
 
 
 def glass_notes(scene: Scene, effects: Features) -> list[str]:
-    """A list with a sentence for each material whose `fresnel` or `absorption` changes nothing, and for the first
-    object of each material for which it does not do what it says.
+    """A list with a sentence for each material whose `fresnel`, `absorption` or `priority` changes nothing, and for the
+    first object of each material for which it does not do what it says.
 
     effects: those that are simulated
     """
@@ -49,6 +49,8 @@ def _of_material(m: Material) -> str | None:
         return (
             "absorption changes nothing, as kt is 0: no light passes through; write the kt [1, 1, 1] or no absorption"
         )
+    if m.priority != Material().priority and not any(m.kt):
+        return "priority changes nothing, as kt is 0: only transparent solids have one; write a kt or no priority"
     if m.fresnel == "none" or any(m.kr):
         return None
     if any(m.kt):

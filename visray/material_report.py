@@ -1,5 +1,5 @@
-"""What visray says about the materials of a scene: glass on open surfaces, colours written as those of a screen, a
-priority without effect, and more light than arrives."""
+"""What visray says about the materials of a scene: glass on open surfaces, colours written as those of a screen,
+and more light than arrives."""
 
 import numpy as np
 
@@ -22,9 +22,9 @@ class MaterialWarning(UserWarning):
 
 
 def warn_of_materials(scene: Scene, effects: Features) -> None:
-    """Warns of glass on open surfaces, of colours of a screen, and of a priority without effect. Each warning is shown
-    once. effects: those that are simulated."""
-    for text in (*sheet_notes(scene, effects), *color_notes(scene), *priority_notes(scene)):
+    """Warns of glass on open surfaces, and of colours of a screen. Each is shown once. effects: those that are
+    simulated."""
+    for text in (*sheet_notes(scene, effects), *color_notes(scene)):
         warn(text, MaterialWarning)
 
 
@@ -61,17 +61,6 @@ def _of_sheets(scene: Scene, material: str, kind: str, advice: str, names: list[
     if m.fresnel == "dielectric":
         return f"{text}it is a thin pane; {advice} if light shall be bent"
     return f"{text}{advice}, or write the ior 1 if light shall go straight through"
-
-
-def priority_notes(scene: Scene) -> list[str]:
-    """A list with a sentence for each opaque material with a priority: only the insides of transparent solids have
-    one."""
-    return [
-        f"materials.{name}.priority = {m.priority:g}: has no effect, because kt is 0 and the material is opaque; give "
-        "kt a value above 0, or leave priority out"
-        for name, m in scene.materials.items()
-        if m.priority != Material().priority and not any(m.kt)
-    ]
 
 
 def color_notes(scene: Scene) -> list[str]:

@@ -163,13 +163,8 @@ def prepare(
     warn_of_data(scene)
     warn_of_environment(scene)
     effects, packed = features(scene, wrt, everything, without), pack(differentiable(scene, wrt) if wrt else scene, a)
-<<<<<<< HEAD
-    warn_of_sheets(scene, effects)
-    warn_of_large_colors(scene)
-    warn_of_glass(scene, effects)
-=======
     warn_of_materials(scene, effects)
->>>>>>> 2e6998b (A priority of an opaque material is noted; a test of adaptive renders reads the line that render prints now)
+    warn_of_glass(scene, effects)
     if attach is not None:
         attach(packed)
     sky = scene.background

@@ -39,6 +39,7 @@ PICTURES = {
     "everything": {"size": LARGE, "time": 400},
     "heart": {"size": LARGE, "error": 0.01},
     "showcase": {"size": (640, 360)},
+    "environment": {"size": (640, 360), "spp": 144},
 }
 # Strips of docs/: frames of animated scenes side by side, at these seconds.
 STRIPS = {

@@ -73,7 +73,7 @@ def row(title: str, report: Report, others: list[str]) -> dict:
 
 
 def drawn(reports: dict[str, Report], path: Path) -> None:
-    """The three log-log figures side by side: a curve for each knob, the frontier, the scene as it is, 8 bits."""
+    """The three log-log figures side by side: a curve for each setting, the frontier, the scene as it is, 8 bits."""
     figure = Figure(figsize=(13, 5.2), layout="constrained")
     axes = figure.subplots(1, len(reports))
     knobs = list(dict.fromkeys(c.knob for r in reports.values() for c in r.curves if c.kind != "step"))

@@ -430,10 +430,10 @@ def cost() -> list[str]:
             prices.append([r["title"], knob, _factor(h)])
     heads = ["scene", "error now", "time now, ms", *(f"k, {name}" for name in samplers.values())]
     return [
-        "![Error against seconds for three scenes, both logarithmic: a curve for each knob, their frontier, "
+        "![Error against seconds for three scenes, both logarithmic: a curve for each setting, their frontier, "
         "the scene as it is](cost.png)",
         *table(heads, slopes),
-        *table(["scene", "knob", "times longer for half the error (95 % interval)"], prices)[1:],
+        *table(["scene", "setting", "times longer for half the error (95 % interval)"], prices)[1:],
         "\\*: extrapolated beyond what was measured.",
         "",
         measured(report, "cost_of_accuracy"),

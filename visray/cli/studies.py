@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, replace
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
@@ -210,8 +211,8 @@ def cost(
         Path | None,
         Parameter(name=("--output", "-o"), help="An .html page that opens offline, .json or .csv."),
     ] = None,
-    quick: Annotated[bool, Parameter(help="Fewer values of each knob, on smaller pictures.")] = False,
-    seeds: Annotated[Integer, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
+    quick: Annotated[bool, Parameter(help="Fewer values of each setting, on smaller pictures.")] = False,
+    seeds: Annotated[Integer, Parameter(help="Pictures of each choice of settings, at least 16.")] = 16,
     threads: Threads = None,
     cluster: Annotated[
         str | None,
@@ -222,15 +223,15 @@ def cost(
 ) -> int:
     """Measure what accuracy costs, and say what to change.
 
-    A knob is a setting that trades accuracy for time, such as the samples per pixel. The error and the time of
-    every knob of the scene are measured. Ctrl-C keeps the measurements so far, once every setting has had a few
-    pictures.
+    The error and the time of every setting that trades accuracy for time, such as the samples per pixel, are
+    measured. Ctrl-C keeps the measurements so far, once every setting has had a few pictures.
     """
     if csv and json:
         raise UserError("--csv and --json: print one report; leave one out")
     check_cluster(cluster)
     loaded = load_still(scene, setup, compat, set, None, allow_outside=allow_outside, size=parse_size(size))
     from visray.progress import Interrupts
+    from visray.study.cost.advice import options
     from visray.study.cost.report import table
     from visray.study.cost.study import check_report
     from visray.study.cost.study import cost as study
@@ -251,6 +252,8 @@ def cost(
             write_or_print(report.as_csv(), None)
         else:
             show(table(report))
+            if options(report):
+                write_line(f"To render so: visray render {quote(str(scene))} {options(report)}")
             _say_written(written)
     if problems:
         raise UserError(*problems)
@@ -276,17 +279,17 @@ def tune(
     time: Annotated[
         Seconds | None, Parameter(help="The time that a render may take, compilation apart: 20 or 20s, 2min.")
     ] = None,
-    full: Annotated[bool, Parameter(help="Measure more values of each knob, on larger pictures.")] = False,
+    full: Annotated[bool, Parameter(help="Measure more values of each setting, on larger pictures.")] = False,
     threads: Threads = None,
     output: Annotated[
-        Path | None, Parameter(name=("--output", "-o"), help="Write the scene with these knobs to a .json file.")
+        Path | None, Parameter(name=("--output", "-o"), help="Write the scene with these settings to a .json file.")
     ] = None,
     json: Json = False,
 ) -> int:
     """Choose the settings of a scene for an error or a time.
 
-    They are its knobs: settings that trade accuracy for time. Samples per pixel are left to the adaptive sampler:
-    render the scene with the same --error or --time. Ctrl-C keeps the better of the settings that were rendered.
+    Only settings that trade accuracy for time are changed. Samples per pixel are left to the adaptive sampler: render
+    the scene with the same --error or --time. Ctrl-C keeps the better of the settings that were rendered.
     """
     if error is None and time is None:
         raise UserError("visray tune: needs an error or a time to choose for; write --error 1% or --time 10")

@@ -68,13 +68,14 @@ class Report:
         }
 
     def headline(self) -> str:
-        """Which effect takes the most time, and which share of the whole, in one sentence."""
+        """Which effect takes the most time, which share of the whole, and what to do."""
         costs = {name: c.seconds for name, c in self.costs.items() if c.seconds.middle > 0 and not c.seconds.in_noise}
         if not costs:
             return "No effect takes a time that can be measured."
         name, seconds = max(costs.items(), key=lambda item: item[1].middle)
         share = 100 * seconds.middle / self.total.seconds.middle
-        return f"Most of the time that an effect takes goes to {name}: {share:.2g} % of the rendering."
+        advice = "visray cost SCENE measures what to change."
+        return f"The most costly effect: {name}, {share:.2g} % of the rendering time. {advice}"
 
     def table(self) -> Table:
         """The report for the terminal: the costs of the effects that the scene has."""

@@ -52,8 +52,7 @@ def table(report: Report) -> Table:
     lines.append(f"errors are differences from a reference, whose own error is {percent(r.error, 2)}")
     lines.append("times are those of the compiled program; starting and compiling come on top")
     notes = "\n".join(f"- {line}" for line in [*lines, *report.notes])
-    todo = f"visray render SCENE {options(report)}" if options(report) else ""
-    title = "\n".join(filter(None, (advice(report), todo, reason(report), present(report), halving(report))))
+    title = "\n".join(filter(None, (advice(report), reason(report), present(report), halving(report))))
     rows = Table(title=title, title_justify="left", caption=notes, caption_justify="left")
     heads = ("setting", "half of the error takes", "at the value", "least error, of the scene's", "error ~ time^-k, k")
     for name in heads if report.halvings else ("there is no error to halve",):

@@ -109,9 +109,10 @@ def cost(
     progress: bool = True, threads: int | None = None,
     allow_outside: bool = False, cluster: str | None = None,
 ) -> Study:  # fmt: skip
-    """Measures what accuracy costs for a scene, or a scene file: error and time of every knob.
+    """Measures what accuracy costs for a scene, or a scene file: error and time of each setting
+    that trades one for the other.
 
-    quick: fewer values of each knob, on smaller pictures
+    quick: fewer values of each setting, on smaller pictures
     seeds: pictures of each choice, from 16 to 4096
     allow_outside: whether a scene file may name files outside of its folder
     cluster: address of a Dask scheduler whose workers make the pictures, as in vr.render; the times are then theirs

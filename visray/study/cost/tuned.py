@@ -9,7 +9,7 @@ from visray.errors import UserError
 from visray.scene.load import dump
 from visray.scene.scene import Scene
 from visray.study.cost.records import Band, Report, Settings
-from visray.study.cost.writing import duration, percent
+from visray.study.cost.writing import duration, number, percent
 from visray.tables import Table, styled
 
 LATE = 1.1  # a time may be exceeded by this factor
@@ -129,12 +129,12 @@ class Tuned:
     def advice(self) -> str:
         """The headline: what to do, and what it brings, in one or two sentences."""
         chosen = ", ".join(f"{a.removeprefix('settings.')}={v}" for a, v in self.changed.items())
-        if chosen:
-            todo = f"Use {chosen} with {self.target.option}"
-        else:
-            todo = f"Keep the scene's settings, and use {self.target.option}"
+        todo = f"Use {chosen} with " if chosen else "Keep the scene's settings, and use "
+        todo += self.target.option
+        if self.target.time is not None:
+            todo += " and some seconds more, for loading and compiling"
         width, height = self.scene.film.raster
-        reached = f"an error of {percent(self.error.middle, 2)} in about {duration(self.seconds.middle)}"
+        reached = f"an error of {percent(self.error.middle)} in about {duration(self.seconds.middle)}"
         missed = "" if self.met else f" The target was missed: nothing tried comes nearer to {self.target.wanted}."
         return f"{todo}: {reached}, at {width} x {height} pixels.{missed}"
 
@@ -153,7 +153,7 @@ class Tuned:
         for name, text in (
             ("error", lambda m: percent(m.error.middle)),
             ("time", lambda m: duration(m.seconds.middle)),
-            ("samples per pixel", lambda m: f"{m.spp:g}"),
+            ("samples per pixel", lambda m: number(m.spp)),
         ):
             rows.add_row(name, *("out of reach" if m is None else text(m) for m in columns))
         return rows

@@ -39,7 +39,7 @@ from visray.study.cost.knobs import DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.measuring import band
 from visray.study.cost.records import Band, Report, Settings
 from visray.study.cost.tuned import Measured, Target, Tuned
-from visray.study.cost.writing import duration, interval, percent
+from visray.study.cost.writing import duration, interval, number, percent
 
 # The squared bias of a depth or of single precision is at most this share of the squared error.
 BELOW = 1 / 16
@@ -225,10 +225,10 @@ class _Tuner:
         if not changes:
             reasons.append("the scene's own settings: nothing that was measured is clearly better")
         reached = f"error {interval(best.error, percent)} in {duration(best.seconds.middle)}"
-        reasons.append(f"rendered at full size with {option}: {reached}, {best.spp:g} samples per pixel")
+        reasons.append(f"rendered at full size with {option}: {reached}, {number(best.spp)} samples per pixel")
         if changes and before is not None:
             old = f"error {percent(before.error.middle)} in {duration(before.seconds.middle)}"
-            reasons.append(f"with the scene's own settings: {old}, {before.spp:g} samples per pixel")
+            reasons.append(f"with the scene's own settings: {old}, {number(before.spp)} samples per pixel")
         if not met:
             reasons.append("the target was missed: these settings come nearest")
         if self.interrupts.requested:

@@ -145,3 +145,22 @@ def test_hints_of_assignments():
     name = next(x for x, y in scene.textures.items() if hasattr(y, "wrap"))
     with pytest.raises(UserError, match=r'several values are a list; write \["repeat", "clamp"\]'):
         changed(scene, {f"textures.{name}.wrap": "repeat,clamp"})
+
+
+@pytest.mark.parametrize("key", ["color", "colour", "kd", "kr", "texture"])
+def test_what_a_material_has_is_looked_for_there(key, tmp_path, capsys):
+    """In files, in assignments and in Python."""
+    path = tmp_path / "ball.json"
+    path.write_text(json.dumps({"objects": {"ball": {"type": "sphere", key: "red"}}}))
+    code, _, err = said(capsys, "explain", str(path))
+    assert code == 2 and f'objects.ball.{key} = "red": a material has this; write it in materials' in err
+    with pytest.raises(TypeError, match=f"no '{key}'; a material has this"):
+        vr.Sphere(**{key: "red"})
+    scene = vr.Scene(materials={"paint": vr.Material()}, objects={"ball": vr.Sphere(material="paint")})
+    with pytest.raises(
+        UserError, match=rf"^objects\.ball\.{key}: its material has this; write materials\.paint\.{key}$"
+    ):
+        changed(scene, {f"objects.ball.{key}": 0.5})
+    plain = vr.Scene(objects={"ball": vr.Sphere()})
+    with pytest.raises(UserError, match=rf"^objects\.ball\.{key}: a material has this"):
+        changed(plain, {f"objects.ball.{key}": 0.5})

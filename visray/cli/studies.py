@@ -253,7 +253,7 @@ def cost(
         else:
             show(table(report))
             if options(report):
-                write_line(f"To render so: visray render {quote(str(scene))} {options(report)}")
+                write_line(f"To use these settings: visray render {quote(str(scene))} {options(report)}")
             _say_written(written)
     if problems:
         raise UserError(*problems)

@@ -33,7 +33,7 @@ it for a kind that is defined by a polynomial, such as the torus.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import drjit as dr
 import numpy as np
@@ -123,6 +123,11 @@ class Primitive:
     cut: OptionalOperands = None
     cut_material: MaterialName | None = None
 
+    # By the name of a field that a material has: what is right instead.
+    MISPLACED: ClassVar[dict[str, str]] = dict.fromkeys(
+        ("color", "colour", "ka", "kd", "ks", "kr", "kt", "ior", "shininess", "emission", "texture"),
+        "a material has this; write it in materials, and the material's name as the object's material",
+    )
     # Facts about the kind. They have no type annotation, because an annotation would make them fields of the scene.
     section = "geometries"  # the section that has shapes which others refer to (records.Reference)
     closed = False  # whether the surface encloses a solid

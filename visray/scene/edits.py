@@ -20,6 +20,7 @@ from visray.errors import UserError
 from visray.hints import hint
 from visray.materials import Material
 from visray.operands import ROLES
+from visray.primitives.primitive import Primitive
 from visray.scene.scene import Scene
 from visray.scene.validated import plain
 from visray.terminal import printable
@@ -167,6 +168,8 @@ def _value_at(root: Any, address: str) -> Any:
             text = f"{owner} has no {key!r}; {hint(key, choices)}"
             if owner == "camera" and (instead := _misplaced(node, key)):
                 text = instead
+            if i == 2 and keys[0] == "objects" and key in Primitive.MISPLACED:
+                text = _of_its_material(root, node, key)
             if key in (own := getattr(node, "parameters", None) or ()) and isinstance(own, dict):
                 text = f"{owner} has no {key!r}, but its formula has; write {owner}.parameters.{key}"
             if re.fullmatch(r"data\.layers\.[^.]+\.rows", owner) and re.fullmatch(ROW_NUMBER, key):
@@ -194,6 +197,17 @@ def _misplaced(camera: Any, key: str) -> str | None:
     type_name = camera["type"] if isinstance(camera, dict) else camera.type
     kind = cameras.BY_TYPE.get(type_name) if isinstance(type_name, str) else None
     return kind and kind.MISPLACED.get(key)
+
+
+def _of_its_material(root: Any, node: Any, key: str) -> str:
+    """What is right instead of a key of an object that materials have.
+
+    root: a scene, or its plain dict. node: the object, or its plain dict.
+    """
+    name = node.get("material") if isinstance(node, dict) else getattr(node, "material", None)
+    if name in (root.get("materials", {}) if isinstance(root, dict) else root.materials):
+        return f"its material has this; write materials.{name}.{key}"
+    return Primitive.MISPLACED[key]
 
 
 def _without_instances(new: Any) -> Any:

@@ -339,6 +339,8 @@ def test_numeric_addresses() -> None:
         "materials.red.kt",
         "materials.red.ior",
         "materials.red.dmax",
+        "materials.red.absorption",
+        "materials.red.emission",
         "lights.lamp.intensity",
         "lights.lamp.Ia",
         "lights.lamp.Id",

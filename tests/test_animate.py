@@ -350,7 +350,7 @@ def test_render_names_a_frame_by_its_number(file: Path, capsys: pytest.CaptureFi
         (("--at", "0.5"), "at 0.5 s there is none; give --frame"),
         (("--at", "0.5", "--frame", "2"), "--at = 0.5 and --frame = 2: both say the moment"),
         (("--frame", "9"), "is outside; the animation has 5 frames"),
-        (("--set", "animation=null"), "nothing moves in the scene; leave it out"),
+        (("--set", "animation=null"), "nothing moves in the scene; write r.png"),
     ):
         assert main(["render", str(file), "-o", "r.####.png", *words]) == 2
         assert message in capsys.readouterr().err

@@ -30,7 +30,7 @@ LIGHTS = {
     "sun": vr.DirectionalLight(direction=(0.3, -1.0, -0.4), intensity=0.3, Ia=(0.05, 0.05, 0.05)),
     "spot": vr.SpotLight(position=(-3.0, 4.0, 3.0), direction=(1.0, -1.2, -1.0), angle=35.0, exponent=1.5),
     "pane": vr.RectangleLight(position=(0.0, 4.0, 1.0), samples=4),
-    "disk": vr.DiskLight(position=(2.0, 4.0, -1.0), intensity=0.5, samples=3),
+    "disk": vr.DiskLight(position=(2.0, 4.0, -1.0), intensity=0.5, samples=3, visible=True),
     "globe": vr.SphereLight(position=(-2.0, 3.0, 0.0), radius=0.4, intensity=0.5, samples=2),
 }
 SETTINGS = vr.Settings(
@@ -42,18 +42,22 @@ def all_effects(folder: Path) -> vr.Scene:
     """Every effect and every kind of light: a floor, two balls of glass in each other, a mirror and a painted box."""
     Pillow.fromarray(np.random.default_rng(1).integers(0, 256, (5, 6, 3), np.uint8)).save(folder / "small.png")
     Pillow.fromarray(np.random.default_rng(2).integers(0, 256, (31, 17, 3), np.uint8)).save(folder / "other.png")
+    sky = np.random.default_rng(3).integers(0, 256, (8, 16, 3), np.uint8)
+    Pillow.fromarray(sky).save(folder / "sky.png")
     return vr.Scene(
         camera=vr.Camera(origin=(0.5, 2.0, 6.0), target=(0.0, 0.5, 0.0), aperture=0.1),
-        film=vr.Film(width=12, height=8),
+        film=vr.Film(width=12, height=8, filter="tent"),
+        background=vr.EnvironmentMap(file=str(folder / "sky.png")),
         ambient=(0.3, 0.2, 0.4),
         textures={"squares": vr.CheckerTexture(), "image": vr.ImageTexture(file=str(folder / "small.png"))},
         materials={
             "floor": vr.Material(texture="squares", ks=(0.2, 0.2, 0.2), shininess=9.5),
             "box": vr.Material(texture="image"),
-            "glass": GLASS,
-            "water": replace(GLASS, ior=1.33, kr=(0.2, 0.2, 0.2)),
+            "glass": replace(GLASS, absorption=(0.1, 0.2, 0.3)),
+            "water": replace(GLASS, ior=1.33, kr=(0.2, 0.2, 0.2), fresnel="dielectric"),
             "mirror": replace(plain(kr=(0.9, 0.8, 0.7)), ks=WHITE),
             "sign": vr.Material(kd=(0.6, 0.7, 0.1), shading="unlit", back="box"),
+            "glow": vr.Material(emission=(0.2, 0.1, 0.0)),
         },
         lights=LIGHTS,
         objects={
@@ -62,6 +66,7 @@ def all_effects(folder: Path) -> vr.Scene:
             "inner": vr.Sphere(center=(0.2, 1.0, 0.1), radius=0.5, material="water"),
             "ball": vr.Sphere(center=(-1.8, 0.8, -0.5), radius=0.8, material="mirror"),
             "box": vr.Box(min=(1.2, 0.0, -1.0), max=(2.0, 1.0, 0.0), material="box"),
+            "ember": vr.Sphere(center=(-0.8, 0.2, 1.0), radius=0.2, material="glow"),
             "sign": vr.Disk(center=(1.5, 1.6, -0.5), normal=(0.0, 0.0, 1.0), radius=0.4, material="sign"),
         },
         settings=SETTINGS,
@@ -185,7 +190,7 @@ def test_an_area_light_all_of_whose_points_lie_on_a_surface(full: vr.Scene) -> N
         "skin": vr.SphereLight(position=(0.0, 1.0, 0.0), radius=1.0, samples=9),
     }
     # An unlit surface is seen without any light.
-    lit_objects = {name: x for name, x in full.objects.items() if x.material != "sign"}
+    lit_objects = {name: x for name, x in full.objects.items() if x.material not in ("sign", "glow")}
     bare = replace(full, objects=lit_objects, ambient=BLACK, background=BLACK)
     lit, dark = (picture(replace(bare, lights=x)) for x in (lights, {}))
     assert (dark == 0).all() and (lit > 0).mean() > 0.2

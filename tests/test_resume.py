@@ -38,7 +38,7 @@ FILES = Files(("a.png",))
 @cache
 def made_of(what: str) -> Prepared:
     scene = GOALS[what][0]
-    return prepare(replace(scene, settings=replace(scene.settings, sampler="sobol")))
+    return prepare(replace(scene, lights=scene.lights or {}, settings=replace(scene.settings, sampler="sobol")))
 
 
 def pursued(what: str, **more: Any) -> vr.Image:

@@ -26,6 +26,7 @@ from visray.frame_maker import FrameMaker
 from visray.output import exr, png
 from visray.output.frame_files import FrameFiles
 from visray.output.lock import locked
+from visray.output.movie_gif import Gif
 from visray.pass_timer import Compilations
 
 COUNT, FPS = 5, 5.0
@@ -603,3 +604,17 @@ sys.exit(main(sys.argv[1:]))
     assert "a.0003.png: cannot be written, the file would be larger" in done.stderr
     assert sorted(x.name for x in Path().iterdir()) == ["a.0000.png", "a.0001.png", "a.0002.png", "ball.json"]
     assert run(file, "-o", "a.####.png", "--quiet", "--resume") == 0
+
+
+def test_ctrl_c_while_a_gif_is_finished_loses_no_frame(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its frames are all rendered then, and the command ends as if there had been no Ctrl-C."""
+    finish = Gif.finish
+
+    def interrupted(gif: Gif) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        finish(gif)
+
+    monkeypatch.setattr(Gif, "finish", interrupted)
+    assert main(["animate", str(file), "-o", "a.gif", "--quiet"]) == 0
+    with Pillow.open("a.gif") as movie:
+        assert movie.n_frames == 5

@@ -63,7 +63,9 @@ class Film:
         `pixels`."""
         identity.check(self.identity, "film")
         if not np.array_equal(self.pixels, pixels):
-            raise UserError("film: has other pixels than are to be exposed; give a film of these, or begin anew")
+            raise UserError(
+                "film: has other pixels than are to be exposed; give the film of these pixels, or begin anew"
+            )
 
     @cached_property
     def closed(self) -> Moments:

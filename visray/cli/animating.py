@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Generator, Iterator
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -167,12 +167,16 @@ def animate_command(
             set_threads(threads)
         check_frames(loaded, chosen, not (quiet or json))
         report = FrameReport(files, len(chosen), begun)
-        with files.opened([frame.number for frame in chosen]) as writer:
+        with ExitStack() as opened:
+            writer = opened.enter_context(files.opened([frame.number for frame in chosen]))
             missing = missing_frames(chosen, maker, writer) if resume else chosen
             report.found = len(chosen) - len(missing)
             with _crew(cluster if missing else None, threads, not (quiet or json)) as crew:
                 made = partial(_made, crew, missing, maker, not (quiet or json))
                 stopped = _write_frames(made, writer, report, crew is None)
+            # All frames of a movie would be lost if Ctrl-C ended it while the file is finished, which takes seconds.
+            with Interrupts():
+                opened.close()
         if (stopped or report.lost) and report.found + len(report.frames) < len(chosen):
             say_how_to_go_on(files)
         if report.lost:

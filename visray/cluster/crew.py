@@ -221,7 +221,8 @@ class Crew:
 
         if isinstance(error, KilledWorker):
             text = (
-                f"{task.name} ended {error.allowed_failures + 1} workers, one after the other: is there enough memory?"
+                f"{task.name} ended {error.allowed_failures + 1} workers, one after the other; perhaps they need more "
+                "memory"
             )
             return UserError(f"cluster = {self.address!r}: {text}")
         return error

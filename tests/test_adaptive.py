@@ -1123,9 +1123,9 @@ def test_a_command_in_a_time(scene_file: str, tmp_path: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("tokens", "why"),
     [
-        (("--error", "0"), "error = 0"),
+        (("--error", "0"), "error = '0': must be an error above 0"),
         (("--time", "-3"), "time = -3"),
-        (("--error", "nan"), "error = nan"),
+        (("--error", "nan"), "error = 'nan': must be an error above 0"),
         (("--error", "0.1", "--spp", "4"), "goes with neither"),
         (("--error", "1e-4"), "8-bit output as PNG"),
     ],

@@ -47,6 +47,7 @@ def test_effects_are_left_out_with_those_that_refine_them() -> None:
         "shadows": {"coloured shadows"},
         "refraction": {"nested media"},
         "textures": {"bilinear"},
+        "background": {"environment map"},
     }
     for effect in features(full).names():
         lost = set(features(full).names()) - set(prepared_without(full, effect).features.names())

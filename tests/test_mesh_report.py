@@ -39,6 +39,7 @@ def said(tmp_path: Path, capsys: pytest.CaptureFixture, fields: dict, *command: 
     """Exit code of a command on a scene with a mesh, and the lines of its notes and errors, without the path."""
     scene = tmp_path / "x.json"
     parts = {"textures": {"squares": {"type": "checker"}}, "materials": {"painted": {"texture": "squares"}}}
+    parts["camera"] = {}
     parts["lights"] = {"key": {"type": "point", "position": [3, 4, 5]}}
     scene.write_text(json.dumps(parts | {"objects": {"m": {"type": "mesh", **fields}}}))
     code = main([command[0], str(scene), *command[1:]])

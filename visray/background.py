@@ -14,12 +14,12 @@ from visray.scene.scene import SkyGradient
 def background(s: KernelScene, d: Any) -> Any:
     """Light of the background from direction d, a colour.
 
-    A gradient changes linearly with d.y, from `bottom` at -1 to `top` at 1. A map that is left out is white.
+    A gradient changes linearly with d.y, from `bottom` at -1 to `top` at 1.
     """
     if not s.features["background"]:
         return s.a.V(0)
     if isinstance(s.sky, Environment):
-        return environment.light(s.a, s.sky, d) if s.features["environment map"] else s.a.V(s.sky.intensity)
+        return environment.light(s.a, s.sky, d)
     up = 0.5 * s.a.F(d.y) + 0.5
     return dr.fma(s.sky.top - s.sky.bottom, up, s.sky.bottom)
 

@@ -36,7 +36,7 @@ from visray.prepared_lights import (
     prepared_lights,
 )
 from visray.pytree import evaluated, leaves, mapped, rows
-from visray.quantities import Arrays
+from visray.quantities import Arrays, stacked
 from visray.ray_families import shared_by
 from visray.sampling import SampleSet
 from visray.scene.scene import Scene, Settings, SkyGradient
@@ -185,7 +185,7 @@ def kernel_scene(
         visible_lights=seen,
         light_steps=light_steps(packed, geometry, a) if in_waves else (),
         most_rows=dr.opaque(a.U, max(map(len, geometry.batches), default=0)),
-        sky=_sky(a, packed.background, panorama, previous),
+        sky=_sky(a, features, packed.background, panorama, previous),
         ambient=packed.ambient,
         lights_ambient=lights_ambient,
         occlusion_distance=packed.occlusion.distance,
@@ -204,11 +204,21 @@ def kernel_scene(
 
 
 def _sky(
-    a: Arrays, numbers: Any, panorama: Panorama | None, previous: tuple[Packed, KernelScene] | None
+    a: Arrays,
+    features: Features,
+    numbers: Any,
+    panorama: Panorama | None,
+    previous: tuple[Packed, KernelScene] | None,
 ) -> SkyGradient | Environment:
-    """The background. numbers: its numbers, as arrays. panorama, previous: as in kernel_scene."""
+    """The background. numbers: its numbers, as arrays. features, panorama, previous: as in kernel_scene.
+
+    An environment map that is left out is white.
+    """
     if isinstance(numbers, SkyGradient):
         return numbers
+    if not features["environment map"]:
+        white = (float(dr.detach(numbers.intensity)[0]),) * 3
+        return stacked(a, SkyGradient, [SkyGradient(top=white, bottom=white)])
     return evaluated(environment(a, panorama or previous[1].sky.panorama, numbers))
 
 

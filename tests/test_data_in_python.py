@@ -26,6 +26,7 @@ TABLE = {
 # Options of the command that concern the picture, and not the scene.
 OF_PICTURES = {
     "file", "output", "save", "describe", "error", "time", "threads", "quiet", "json", "overwrite", "show", "preview",
+    "filter", "region", "scale",
 }  # fmt: skip
 # Parameters that the command has no option for: it takes a file, and names the map after the scene.
 OF_PYTHON = {"table", "map_file"}

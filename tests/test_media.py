@@ -426,7 +426,8 @@ def test_a_clear_sheet_that_lies_on_glass_changes_nothing(others: int) -> None:
 
 def test_mirrored_and_clear_shares_of_nested_balls_add_up() -> None:
     """A furnace of balls in each other that reflect a quarter and let the rest through: 1 in every sample."""
-    glass = {f"m{n}": plain(kr=(0.25, 0.25, 0.25), kt=(0.75, 0.75, 0.75), ior=n) for n in (CROWN, FLINT, WATER)}
+    shares = {"kr": (0.25, 0.25, 0.25), "kt": (0.75, 0.75, 0.75)}
+    glass = {f"m{round(100 * n)}": plain(**shares, ior=n) for n in (CROWN, FLINT, WATER)}
     balls = {f"b{i}": Sphere(center=(0.1 * i, 0, 0), radius=1.0 - 0.3 * i, material=m) for i, m in enumerate(glass)}
     o, d = rays_at(np.random.default_rng(27), 2000)
     found = seen(scene_of(balls, glass, **FURNACE), o, d)

@@ -44,7 +44,7 @@ def spark(objects: dict | None = None, **more: Any) -> Scene:
     ball = {"spark": Sphere(center=(*CENTRE, 0), radius=RADIUS, material="hot")}
     given = {
         "camera": Camera(origin=(0, 0, 6), fov=40.0), "film": Film(width=SIZE, height=SIZE), "ambient": (1.0, 1.0, 1.0),
-        "materials": {"wall": GREY, "hot": HOT}, "settings": Settings(sampler="sobol"),
+        "materials": {"wall": GREY, "hot": HOT}, "lights": {}, "settings": Settings(sampler="sobol"),
     }  # fmt: skip
     return Scene(**(given | {"objects": {"wall": WALL} | (ball if objects is None else objects)} | more))
 

@@ -8,6 +8,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -243,8 +244,10 @@ def test_a_copy_is_validated_by_itself(again: Callable, watched: Watched) -> Non
 
 def test_a_replaced_copy_is_judged_anew() -> None:
     scene = checked(small())
+    with pytest.raises(vr.UserError, match=r"Sphere: radius = 0: must be greater than 0"):
+        replace(scene.objects["ball"], radius=0)
     with pytest.raises(vr.UserError, match=r"objects\.ball\.radius = 0: must be greater than 0"):
-        checked(replace(scene, objects={"ball": replace(scene.objects["ball"], radius=0)}))
+        checked(replace(scene, objects={"ball": unchecked(vr.Sphere, radius=0)}))
 
 
 def test_what_is_gone_is_forgotten() -> None:
@@ -316,7 +319,7 @@ TRANSFORMS = st.lists(
     st.builds(Translate, translate=st.tuples(*[st.floats(-1e9, 1e9)] * 3))
     | st.builds(Scale, scale=st.floats(1e-9, 1e9) | st.tuples(*[st.floats(-1e3, 1e3).filter(bool)] * 3))
     | st.builds(Rotate, rotate=st.floats(-360, 360), axis=st.tuples(*[st.floats(0.5, 2)] * 3))
-    | st.builds(Matrix, matrix=st.tuples(*[st.tuples(*[st.floats(-10, 10)] * 4)] * 3)),
+    | st.builds(partial(unchecked, Matrix), matrix=st.tuples(*[st.tuples(*[st.floats(-10, 10)] * 4)] * 3)),
     min_size=1, max_size=4,
 )  # fmt: skip
 
@@ -358,8 +361,8 @@ def test_a_short_look_judges_corners_and_sides_as_arrays_do(v: tuple, w: tuple, 
     near = tuple(scale * x + share * y for x, y in zip(v, w))
     with np.errstate(all="ignore"):
         for other in (w, near):
-            things = [vr.Triangle(a=(0.5, 0.25, 1.0), b=v, c=other)]
-            things += [vr.Rectangle(width=v, height=other)] if any(v) and any(other) else []
+            things = [unchecked(vr.Triangle, a=(0.5, 0.25, 1.0), b=v, c=other)]
+            things += [unchecked(vr.Rectangle, width=v, height=other)] if any(v) and any(other) else []
             quick = [thing.flaws() for thing in things]
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(triangle, "clearly_not_parallel", lambda v, w: False)

@@ -71,7 +71,7 @@ class Report:
         """Which effect takes the most time, which share of the whole, and what to do."""
         costs = {name: c.seconds for name, c in self.costs.items() if c.seconds.middle > 0 and not c.seconds.in_noise}
         if not costs:
-            return "No effect takes a time that can be measured."
+            return "No effect takes a time that can be measured; a larger --spp or --runs shows smaller times."
         name, seconds = max(costs.items(), key=lambda item: item[1].middle)
         share = 100 * seconds.middle / self.total.seconds.middle
         advice = "visray cost SCENE measures what to change."

@@ -869,7 +869,7 @@ def test_samples_go_with_no_goal(goal: dict) -> None:
 @pytest.mark.parametrize("seconds", [1e-6, 0.01])
 def test_too_little_time_gives_the_best_that_can_be_had(seconds: float) -> None:
     """Two samples of each pixel, with an error that holds the truth."""
-    with pytest.warns(GoalWarning, match=f"^time = {seconds:g}: loading, compiling and writing alone take .*two a pix"):
+    with pytest.warns(GoalWarning, match=f"^time = {seconds:g}: loading, compiling and writing alone .*2 per pixel"):
         image = render_adaptively(EDGES, time=seconds, begun=clock.now() - seconds)
     facts, true = image.metadata, render(EDGES, spp=4096, seed=99, layers=("RGB",), progress=False)["RGB"]
     off = sqrt(np.square(image["RGB"] - true).mean()) / (true @ LUMINANCE).mean()

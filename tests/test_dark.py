@@ -115,6 +115,8 @@ CAUSES: dict[str, tuple[list[Change], list[str]]] = {
                                                         "camera.target = [0, 1, 0.3333]"]),
     "all beside": ([OUTSIDE, seen(target=(20, 2, 0))], ["all objects are beside the picture", "degrees off the view"]),
     "past a floor": ([things("floor"), seen(target=(0, 9, 0))], ["the camera looks past objects.floor"]),
+    "past a ball on a floor": ([things("floor", "a"), seen(target=(0, 9, 0))],
+                               ["the camera looks past objects.a; camera.target = [-2, 1, 0] looks at it"]),
     "too small": ([things(a=Sphere(center=(0.0013, 1.003, 0), radius=1e-3))], ["objects.a is only ", "pixels wide"]),
     "no objects": ([things()], ["the scene has no objects"]),
     "a polynomial beyond its clip": ([things(p=Polynomial(expression="x^2 + y^2 + z^2 - 36"))],

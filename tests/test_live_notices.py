@@ -81,7 +81,7 @@ def test_a_picture_without_edges():
 
 @pytest.mark.parametrize("origin, target, said", [
     ((0.0, 0.6, 0.1), (0.0, 0.6, 0.0), "The camera is inside objects.ball, or behind it"),
-    ((0.0, 3.0, 5.0), (0.0, 9.0, 9.0), "Nothing is seen: the camera looks past objects.floor"),
+    ((0.0, 3.0, 5.0), (0.0, 9.0, 9.0), "Nothing is seen: the camera looks past objects.ball; camera.target"),
     ((0.0, 1.0, 5.0), (0.0, 0.5, 0.0), ""),
 ])  # fmt: skip
 def test_why_a_picture_shows_nothing(origin, target, said):

@@ -127,6 +127,17 @@ def test_derivatives_are_those_of_kd() -> None:
             refused("materials.m.color")
 
 
+def test_a_picture_as_a_function_takes_it_in_linear_light() -> None:
+    by = [vr.render_function(BALL, [f"materials.n.{name}"], spp=1, progress=False) for name in ("color", "kd")]
+    color = (0.3, 0.6, 0.2)
+    assert np.array_equal(by[0](color), by[1](color)) and np.array_equal(by[0].start, by[1].start)
+
+
+def test_a_misspelled_color_is_answered_with_color() -> None:
+    with pytest.raises(UserError, match=r"materials\.m has no 'colr'; did you mean \"color\"\? \(one of color, ka"):
+        vr.replaced(BALL, "materials.m.colr", "gold")
+
+
 def test_a_track_moves_kd() -> None:
     track = {"address": "materials.m.color", "times": [0, 1], "values": [0, 1]}
     raw = {

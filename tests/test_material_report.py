@@ -82,13 +82,13 @@ def test_the_note_is_given_once_when_a_scene_is_rendered() -> None:
          "kr + kd = 1.6 is above 1: more light leaves it than arrives; kd is 0.7 unless it is written, and a mirror "
          "or glass has about 0"),
         ({"kr": (0.9, 0.9, 0.9), "kd": (0.2, 0.0, 0.0)}, "kr + kd = 1.1 is above 1: more light leaves it than arrives"),
-        ({"kr": (0.5, 0.5, 0.5), "kd": (0.3, 0.3, 0.3), "ks": (0.3, 0.3, 0.3)},
-         "kr + kd + ks = 1.1 is above 1: its highlights are brighter than the light that makes them"),
+        ({"kr": (0.5, 0.5, 0.5), "kd": (0.3, 0.3, 0.3), "ks": (0.8, 0.8, 0.8)},
+         "kr + kd + ks = 1.6 is above 1: its highlights are brighter than the light that makes them"),
         ({"kd": (1.5, 0.0, 0.0)}, "kd = 1.5 is above 1: more light leaves it than arrives"),
         ({"kr": (0.2, 0.2, 0.2), "kt": (0.9, 0.9, 0.9), "kd": (0.0, 0.0, 0.0)},
          "kr + kt = 1.1 is above 1: more light leaves it than arrives"),
-        ({"kt": (0.5, 0.5, 0.5), "kd": (0.8, 0.8, 0.8), "ks": (0.4, 0.4, 0.4)},
-         "kt + (1 - kt) (kd + ks) = 1.1 is above 1: its highlights are brighter than the light that makes them"),
+        ({"kt": (0.5, 0.5, 0.5), "kd": (0.8, 0.8, 0.8), "ks": (1.4, 1.4, 1.4)},
+         "kt + (1 - kt) (kd + ks) = 1.6 is above 1: its highlights are brighter than the light that makes them"),
         ({"kr": (0.5, 0.5, 0.5), "texture": "tiles"}, "kr + kd = 1.3 is above 1: more light leaves it than arrives"),
     ],
 )  # fmt: skip
@@ -107,9 +107,11 @@ def test_shares_above_1_are_said_with_their_sum(fields: dict, says: str) -> None
         {"kt": (1.0, 1.0, 1.0)},
         {"kd": (0.6, 0.0, 0.0), "kr": (0.0, 0.9, 0.9)},
         {"ka": (5.0, 5.0, 5.0)},
+        {"color": "crimson", "ks": 0.5, "shininess": 80},
+        {"kd": (0.8, 0.8, 0.8), "ks": (0.7, 0.7, 0.7)},
     ],
 )
-def test_shares_of_1_are_not(fields: dict) -> None:
+def test_shares_of_1_and_usual_highlights_are_not(fields: dict) -> None:
     assert energy_notes(scene_of({"x": vr.Sphere(material="m")}, m=vr.Material(**fields))) == []
 
 

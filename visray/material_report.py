@@ -16,6 +16,10 @@ from visray.scene.scene import Scene, SkyGradient
 from visray.textures import CheckerTexture
 from visray.warn import warn
 
+# Sums with ks up to this one are usual: a highlight of Blinn-Phong is small, and added to kd. White paper (kd 0.8) with
+# strong highlights (ks 0.5) has 1.3, and the fitted key light (0.75, fitting.py) makes that less than 1.
+HIGHLIGHTS = 1.5
+
 
 class MaterialWarning(UserWarning):
     """Warning about a material that does not do what it seems to say."""
@@ -83,7 +87,8 @@ def color_notes(scene: Scene) -> list[str]:
 
 
 def energy_notes(scene: Scene) -> list[str]:
-    """A list with a sentence for each sum of shares above 1. It names the first of its materials."""
+    """A list with a sentence for each sum of shares above 1, or with ks above HIGHLIGHTS. It names the first of its
+    materials."""
     if not modes.BY_NAME[scene.settings.shading].lit:
         return []
     names: dict[str, list[str]] = {}
@@ -95,7 +100,7 @@ def energy_notes(scene: Scene) -> list[str]:
 
 
 def _surplus(scene: Scene, m: Material) -> str | None:
-    """What is said about one material; None if its shares are at most 1 together."""
+    """What is said about one material; None if its shares are usual."""
     passes_on, weighted = scene.settings.depth > 0, scene.settings.local == "weighted"
     kr, kt = (np.array(x if passes_on else (0, 0, 0), float) for x in (m.kr, m.kt))
     kd, ks, weight = _diffuse(scene, m), np.array(m.ks, float), 1 - kt if weighted else 1
@@ -108,14 +113,15 @@ def _surplus(scene: Scene, m: Material) -> str | None:
         kr = np.ones(3)  # at grazing angles
     total = kr + kt + weight * (kd + ks)
     # The sum has at most six roundings.
-    if (total <= 1 + gamma(6)).all():
+    more_leaves = (kr + kt + weight * kd > 1 + gamma(6)).any()
+    if not more_leaves and (total <= HIGHLIGHTS * (1 + gamma(6))).all():
         return None
     own = [name for name, x in (("kd", kd), ("ks", ks)) if x.any()]
     inner = " + ".join(own)
     if kt.any() and weighted and own:
         inner = f"(1 - kt) ({inner})" if len(own) > 1 else f"(1 - kt) {inner}"
     written = [name for name, x in (("kr", kr), ("kt", kt)) if x.any()] + [inner] * bool(own)
-    if (kr + kt + weight * kd > 1 + gamma(6)).any():
+    if more_leaves:
         meaning = "more light leaves it than arrives"
     else:
         meaning = "its highlights are brighter than the light that makes them"

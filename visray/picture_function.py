@@ -19,6 +19,7 @@ from visray.progress import Bar, Interrupts
 from visray.quantities import Arrays, Quantity
 from visray.scene import address as addresses_of
 from visray.scene.adjusted import adjusted
+from visray.scene.edits import canonical
 from visray.scene.scene import Scene
 from visray.setup import arrays
 from visray.traced_picture import PictureOperation, TracedPicture, of_kind
@@ -141,7 +142,7 @@ class PictureFunction:
         self, values: Sequence[np.ndarray], tangents: dict[str, np.ndarray] | None
     ) -> tuple[TracedPicture, np.ndarray]:
         """The traced picture and its tangent. tangents: as for Derivatives"""
-        new = {address: _plain(value) for address, value in zip(self.addresses, values)}
+        new = {canonical(address): _plain(value) for address, value in zip(self.addresses, values)}
         scene = addresses_of.changed(self.scene, new)
         with (
             Interrupts() as interrupts,
@@ -169,7 +170,7 @@ def _plain(value: np.ndarray) -> Any:
 def _check_numeric(scene: Scene, address: str) -> None:
     """Raises UserError if an address names no numbers."""
     value = addresses_of.value(scene, address)
-    known: Quantity | None = addresses_of.numeric_addresses(scene).get(address)
+    known: Quantity | None = addresses_of.numeric_addresses(scene).get(canonical(address))
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not (known or is_number or isinstance(value, NumberTable)):
         raise UserError(f"{address}: is not one number or three; name one of its parts")

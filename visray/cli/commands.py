@@ -29,7 +29,7 @@ GROUPS = {
         "stability": "visray stability --only heart,kummer",
     },
     "Files and this machine": {
-        "import": "visray import scene.json --setup setup.json -o native.json",
+        "import": "visray import first.json -o whole.json",
         "schema": "visray schema -o schema.json",
         "doctor": "visray doctor",
         "completion": 'eval "$(visray completion bash)"',

@@ -38,9 +38,10 @@ def import_command(
         Path | None, Parameter(name=("--output", "-o"), help="A .json file. Default: the scene is printed.")
     ] = None,
 ) -> int:
-    """Convert a scene of the original VisRayTrace.
+    """Write any scene in visray's format, with all that was fitted.
 
-    What is written is a scene in visray's own format, as plain JSON without comments.
+    A scene of the original VisRayTrace is converted. A camera and lights that a scene does not have are fitted, and
+    written too. What is written is plain JSON without comments.
     """
     loaded = load_scene(scene, setup, compat, [], allow_outside=allow_outside)
     from visray.scene.load import dump

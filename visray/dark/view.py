@@ -109,8 +109,8 @@ def empty_notes(prepared: Prepared) -> list[str]:
         return [f"nothing is seen in film.region = {[*scene.film.region]}: no object is there"]
     found = boxes(prepared)
     endless = (n for n, o in scene.representatives.items() if not scene.placed_shape(o).bounded)
-    if name := next(endless, None):
-        return [f"nothing is seen: the camera looks past {address_of(name)}; turn camera.target to it"]
+    if (name := next(endless, None)) and all(box.behind or box.beside for box in found):
+        return [_past(address_of(name), found)]
     if not found:
         return ["nothing is seen: all objects are empty"]
     in_front = [box for box in found if not box.behind]
@@ -131,6 +131,18 @@ def empty_notes(prepared: Prepared) -> list[str]:
     advice = "; it may be empty" if largest.made else ""
     where = f"{largest.address}, whose bounding box is in view"
     return [f"nothing is seen: rays pass {where}, without meeting its surface{advice}"]
+
+
+def _past(endless: str, found: list[Box]) -> str:
+    """The sentence about a camera that looks past everything. It names the nearest bounded object, if there is one.
+
+    endless: address of an unbounded object. found: the boxes of the bounded ones
+    """
+    if not found:
+        return f"nothing is seen: the camera looks past {endless}; turn camera.target to it"
+    nearest = min(found, key=lambda box: box.angle)
+    target = f"camera.target = {listed(nearest.middle)}"
+    return f"nothing is seen: the camera looks past {nearest.address}; {target} looks at it"
 
 
 def _limits(scene: Scene) -> str:

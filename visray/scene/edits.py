@@ -165,7 +165,8 @@ def _value_at(root: Any, address: str) -> Any:
         choices = keys_of(node)
         if key not in choices:
             owner = ".".join(keys[:i]) or "the scene"
-            text = f"{owner} has no {key!r}; {hint(key, choices)}"
+            more = ["color"] if i == 2 and keys[0] == "materials" else []
+            text = f"{owner} has no {key!r}; {hint(key, [*more, *choices])}"
             if owner == "camera" and (instead := _misplaced(node, key)):
                 text = instead
             if i == 2 and keys[0] == "objects" and key in Primitive.MISPLACED:

@@ -30,6 +30,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     config.stash[COLLECTED] = list(items)
 
 
+@pytest.fixture(autouse=True)
+def nothing_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is said once in a process is said in each test."""
+    monkeypatch.setattr("visray.warn._SAID", set())
+
+
 @pytest.fixture
 def quick(request: pytest.FixtureRequest) -> dict[str, list[pytest.Item]]:
     """The tests of the quick suite by their file; files all of whose tests are slow have none."""

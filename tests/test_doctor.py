@@ -1,12 +1,14 @@
 """The report of `visray doctor`."""
 
 import json
+import warnings
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from visray import llvm
+from visray.cli.studies import _probe
 from visray.errors import UserError
 from visray.study import doctor
 
@@ -50,6 +52,12 @@ def test_a_bad_picture_is_a_verdict_of_one_line(render, part: str) -> None:
     assert part in verdict
     assert "\n" not in verdict
     assert "second" not in verdict and "more" not in verdict
+
+
+def test_nothing_is_said_of_the_test_picture() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert doctor.judge(_probe) == doctor.GOOD
 
 
 def test_other_errors_are_not_hidden() -> None:

@@ -3,7 +3,8 @@ floor and in the room, and what is written is never changed."""
 
 import json
 import warnings
-from dataclasses import replace
+from contextlib import contextmanager
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,12 @@ import pytest
 from samples import NAMES, aimed, instances, truth
 
 import visray as vr
+import visray.warn
 from visray.blocking import TESTS, Blocker
 from visray.cli import main
 from visray.errors import FittedNote
 from visray.fitted_scene import completed
+from visray.lights import KINDS as LIGHTS
 from visray.scene.check import checked
 from visray.surroundings import Stage
 from visray.things import things_of
@@ -29,6 +32,14 @@ def fitted(**parts) -> vr.Scene:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FittedNote)
         return checked(vr.Scene(**parts))
+
+
+@contextmanager
+def noted():
+    """Expects a FittedNote, also if it was said before."""
+    visray.warn._SAID.clear()
+    with pytest.warns(FittedNote):
+        yield
 
 
 def in_the_picture(scene: vr.Scene, points: np.ndarray) -> np.ndarray:
@@ -60,6 +71,17 @@ def test_all_points_of_bounded_objects_are_in_the_picture(name, moved):
             for i, thing in enumerate(things[:count]):
                 if f"objects.o{i}" not in around:
                     assert in_the_picture(scene, surface_points(thing, i)).all()
+
+
+@pytest.mark.parametrize("kind", [k for k in LIGHTS if "visible" in {f.name for f in fields(k)}])
+def test_visible_lights_are_in_the_picture(kind):
+    """Others are not looked at."""
+    place, objects = (5.0, 4.0, 1.0), {"ball": vr.Sphere()}
+    lamp = kind(position=place, visible=True)
+    scene = fitted(objects=objects, lights={"lamp": lamp})
+    assert in_the_picture(scene, np.array([place])).all()
+    hidden = fitted(objects=objects, lights={"lamp": replace(lamp, visible=False)})
+    assert hidden.camera == fitted(objects=objects).camera and hidden.camera != scene.camera
 
 
 def test_the_picture_is_filled():
@@ -223,22 +245,33 @@ def test_import_writes_out_what_was_fitted(tmp_path, parts, capsys):
 def test_the_note_is_said_once_by_a_command(tmp_path, capsys):
     path = write(tmp_path, {"objects": {"ball": BALL}, "film": {"width": 8, "height": 6}, "settings": {"spp": 1}})
     assert main(["render", str(path), "-o", str(tmp_path / "a.png"), "--set", "camera.fov=30"]) == 0
-    assert capsys.readouterr().err.count("fitted") == 2
+    assert capsys.readouterr().err.count("fitted") == 1
     assert main(["explain", str(path)]) == 0
+
+
+def test_the_note_is_said_once_in_a_process():
+    """Of another scene it is said again, and Python's filters make no difference."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for radius in (1.0, 2.0):
+            checked(vr.Scene(objects={"ball": vr.Sphere(radius=radius)}))
+        assert [w.category for w in caught] == [FittedNote]
+        checked(vr.Scene(objects={"box": vr.Box()}))
+    assert [w.category for w in caught] == [FittedNote] * 2
 
 
 def test_addresses_of_what_is_fitted(tmp_path):
     """They can be read and changed. Other changes leave a scene without camera and lights as it is, and come first."""
     bare = vr.Scene(objects={"ball": vr.Sphere()})
-    with pytest.warns(FittedNote):
+    with noted():
         assert vr.value(bare, "camera.origin") == fitted(objects=bare.objects).camera.origin
-    with pytest.warns(FittedNote):
+    with noted():
         changed = vr.replaced(bare, "camera.fov", 50.0)
     assert changed == replace(fitted(objects=bare.objects), camera=changed.camera)
     assert changed.camera == replace(fitted(objects=bare.objects).camera, fov=50.0)
     larger = vr.replaced(bare, "objects.ball.radius", 3.0)
     assert (larger.camera, larger.lights) == (None, None)
-    with pytest.warns(FittedNote):
+    with noted():
         from visray.scene.address import changed as both
 
         made = both(bare, {"camera.fov": 50.0, "objects.ball.radius": 3.0})
@@ -247,7 +280,7 @@ def test_addresses_of_what_is_fitted(tmp_path):
 
 def test_a_camera_is_fitted_to_the_size_that_is_asked_for(tmp_path):
     path = write(tmp_path, {"objects": {"a": BALL, "b": BALL | {"center": [9, 1, 0]}}})
-    with pytest.warns(FittedNote):
+    with noted():
         image = vr.render(path, size=(40, 120), spp=1, layers=("id",), progress=False)
     shown = image["id"]
     assert set(np.unique(shown)) == {0, 1, 2}
@@ -261,7 +294,7 @@ def test_an_animated_scene_fits_its_beginning():
     scene = fitted(**moving)
     beginning = fitted(objects={"ball": vr.Sphere(center=(20, 0, 0))})
     assert (scene.camera, scene.lights) == (beginning.camera, beginning.lights)
-    with pytest.warns(FittedNote):
+    with noted():
         assert vr.at(vr.Scene(**moving), 1).camera == scene.camera
 
 
@@ -279,16 +312,16 @@ def test_public_functions_take_scenes_without_camera_and_lights():
         "film": vr.Film(width=8, height=6), "settings": vr.Settings(spp=1),
     }  # fmt: skip
     bare, whole = vr.Scene(**parts), fitted(**parts)
-    with pytest.warns(FittedNote):
+    with noted():
         picture = vr.render(bare, progress=False, layers=("RGB",))["RGB"]
     assert (picture == vr.render(whole, progress=False, layers=("RGB",))["RGB"]).all()
-    with pytest.warns(FittedNote):
+    with noted():
         assert str(vr.explain(bare)) == str(vr.explain(whole))
-    with pytest.warns(FittedNote):
+    with noted():
         assert str(vr.why(bare, 3, 3)) == str(vr.why(whole, 3, 3))
-    with pytest.warns(FittedNote):
+    with noted():
         assert vr.dump(bare) == vr.dump(whole)
-    with pytest.warns(FittedNote):
+    with noted():
         assert vr.prepare(bare).scene == whole
 
 

@@ -37,11 +37,9 @@ PART = 0.3
 RIG = Rig()
 # What is said of a scene by what is missing: the camera, the lights.
 DONE = {
-    (True, True): "the scene has no camera and no lights: a camera, a key light and a fill light were fitted; visray "
-    "import FILE -o OUT, or vr.dump, writes them out",
-    (True, False): "the scene has no camera: one was fitted; visray import FILE -o OUT, or vr.dump, writes it out",
-    (False, True): 'the scene has no lights: a key light and a fill light were fitted; "lights": {} would be none; '
-    "visray import FILE -o OUT, or vr.dump, writes them out",
+    (True, True): "no camera and no lights: both are fitted; visray import, or vr.dump, writes them out",
+    (True, False): "no camera: one is fitted; visray import, or vr.dump, writes it out",
+    (False, True): 'no lights: two are fitted; "lights": {} means none; visray import, or vr.dump, writes them out',
 }
 
 

@@ -1,6 +1,7 @@
 """What a scene contains, each thing with balls around it: what a fitted camera must show (fitted_scene.py).
 
-A thing is an object, the base of the data, or all rows of a data layer. All of it is NumPy, and runs once for a scene.
+A thing is an object, the base of the data, all rows of a data layer, or a visible light. All of it is NumPy, and runs
+once for a scene.
 """
 
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ import numpy as np
 from visray.data.row_balls import row_balls
 from visray.data.rows import Rows
 from visray.fitting import Balls
+from visray.primitives import KINDS
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive, bounding_box, scalars, transform_frame
 from visray.primitives.sphere import Sphere
@@ -22,13 +24,15 @@ ROUND = 0.75
 # Sizes of things that a camera can be fitted to, in world units: squares of other numbers are 0 or infinite.
 SIZES = (1e-90, 1e90)
 
+BY_TYPE = {kind.type: kind for kind in KINDS}
+
 
 @dataclass(frozen=True)
 class Thing:
     """One thing of a scene.
 
     address: its address.
-    shape: the object as it is placed in the world; None for the rows of a layer.
+    shape: the object as it is placed in the world, or the shape of a light; None for the rows of a layer.
     opaque: whether light does not pass through it.
     low, high: corners of its bounding box; None if it is unbounded. Shape: (3) each.
     balls: balls that contain it; None if it is unbounded.
@@ -62,7 +66,16 @@ def things_of(scene: Scene) -> list[Thing]:
         opaque = transparent.isdisjoint(scene.materials_of(obj))
         address = name if "." in name else f"objects.{name}"
         found.append(_bounded(Thing(address, scene.placed_shape(obj), opaque)))
-    return found + list(_layers(scene))
+    return [*found, *_layers(scene), *_visible_lights(scene)]
+
+
+def _visible_lights(scene: Scene) -> Iterator[Thing]:
+    """The shapes of the lights that are visible."""
+    for name, light in (scene.lights or {}).items():
+        if light.seen:
+            kind, names = light.shape
+            shape = BY_TYPE[kind](**{ours: getattr(light, theirs) for ours, theirs in names.items()})
+            yield _bounded(Thing(f"lights.{name}", shape, True))
 
 
 def _layers(scene: Scene) -> Iterator[Thing]:

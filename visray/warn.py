@@ -9,6 +9,18 @@ PACKAGE = str(Path(__file__).parent)
 # place, so Python shows it once, however many lines of the program lead to it.
 _PLACES: dict[tuple[str, type[Warning]], tuple[str, int]] = {}
 _SHOWN: dict = {}
+# What was said once and for all: texts, each with what it is about.
+_SAID: set[tuple[str, str]] = set()
+
+
+def warn_once(text: str, category: type[Warning], about: str) -> None:
+    """Warns the user of what is said once in a process, whatever Python's filters of warnings let through.
+
+    about: what the text is about; of something else it is said again
+    """
+    if (text, about) not in _SAID:
+        _SAID.add((text, about))
+        warn(text, category)
 
 
 def warn(text: str, category: type[Warning]) -> None:

@@ -374,10 +374,12 @@ def doctor(*, json: Json = False) -> int:
 
 def _probe() -> Any:
     """Colours of a small picture of a small scene, to see whether rendering works. Shape: (32, 32, 3)."""
+    from visray.camera import Camera
     from visray.lights import PointLight
     from visray.primitives import Sphere
     from visray.renderer import render
     from visray.scene.scene import Scene
 
-    probe = Scene(objects={"ball": Sphere(radius=1.5)}, lights={"key": PointLight(position=(3.0, 4.0, 5.0))})
+    lights = {"key": PointLight(position=(3.0, 4.0, 5.0))}
+    probe = Scene(camera=Camera(), objects={"ball": Sphere(radius=1.5)}, lights=lights)
     return render(probe, size=(32, 32), spp=4, layers=("RGB",), progress=False)["RGB"]

@@ -40,10 +40,11 @@ from visray.scene.nesting_flaws import too_deep
 from visray.scene.scene import ADAPTER, DEFAULT_MATERIAL, Occlusion, Scene
 from visray.scene.shape_flaws import has_unknown_name, own_flaws, shape_named, unknown_names, uv_flaw
 from visray.scene.source import wrong_texts
+from visray.scene.summary import summary
 from visray.scene.transform_flaws import transform_flaw, transform_lines
 from visray.scene.validated import plain, remember, validated
 from visray.terminal import printable
-from visray.warn import warn
+from visray.warn import warn_once
 
 # Sections whose entries are referred to by name, each with a valid entry. This entry takes the place of a wrong one
 # while the rest of the scene is checked.
@@ -69,11 +70,11 @@ def checked_as_written(scene: Scene) -> Scene:
 
 
 def fitted(scene: Scene) -> Scene:
-    """The scene with a fitted camera and fitted lights, if it has none; a FittedNote says so. They fit the beginning of
-    an animation. Domain: a scene without flaws."""
+    """The scene with a fitted camera and fitted lights, if it has none. They fit the beginning of an animation. A
+    FittedNote says so, once in a process for scenes with the same summary. Domain: a scene without flaws."""
     result, notes = completed(scene, _start(scene))
     for text in notes:
-        warn(printable(text), FittedNote)
+        warn_once(printable(text), FittedNote, summary(scene))
     return result
 
 

@@ -32,7 +32,16 @@ WITH_METHODS = {"Image", "Prepared"}
 HINT = "In Python, `help(vr.NAME)` shows the rest. On the site, it is below."
 # A line of a docstring that is at least as long has its next words in the next line.
 FULL = 85
-SCENE_MODULES = ("scene", "camera", "materials", "textures", "transforms", "primitives.clips", "environment_map")
+SCENE_MODULES = (
+    "scene",
+    "camera",
+    "materials",
+    "textures",
+    "transforms",
+    "primitives.clips",
+    "environment_map",
+    "filters",
+)
 
 
 def page_of(name: str) -> str:

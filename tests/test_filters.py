@@ -14,6 +14,7 @@ from test_render import compiled
 import visray as vr
 from visray import filters
 from visray.cli.picture_options import FILTERS
+from visray.filter_report import FilterWarning
 from visray.quantities import Arrays
 
 A = Arrays.of("llvm", "double")
@@ -90,7 +91,7 @@ SIGNED = [f for f in SOME if f.may_be_negative]
 @pytest.mark.parametrize("f", SIGNED, ids=lambda f: f"{f.b:.2g}-{f.c:.2g}")
 def test_signs_that_turns_choose_have_no_bias(f):
     """The mean of the weights of places up to x = a and y = b is the filter's integral up to there: the sum over the
-    signs of both functions, each with its probability. Of 16 even turns the weights add up to 16."""
+    signs of both functions, each with its probability. The weights of 16 even turns add up to 16."""
     made, u = f.prepared(A), (np.arange(2**17) + 0.5) / 2**17
     chance, both = (float(np.array(x)[0]) for x in (made.chance, made.both))
     some = np.array([-1.5, -0.4, 0.0, 0.3, 1.2, 2.0]) * f.radius / 2
@@ -107,6 +108,53 @@ def test_signs_that_turns_choose_have_no_bias(f):
     assert np.abs(total - np.outer(share, share)).max() < 3e-4
     turns = np.array(made.weight(None, None, A.F((np.arange(16) + 0.5) / 16)))
     assert turns.sum() == pytest.approx(16, abs=1e-9)
+
+
+@pytest.mark.parametrize("f", SIGNED, ids=lambda f: f"{f.b:.2g}-{f.c:.2g}")
+@pytest.mark.parametrize("spp", [2, 4, 8, 16])
+def test_weights_of_few_samples_add_up_too(f, spp):
+    made = f.prepared(A, spp)
+    weights = np.array(made.weight(None, None, A.F((np.arange(spp) + 0.5) / spp)))
+    assert weights.sum() == pytest.approx(spp, abs=1e-9) and (weights.min() < 0) == (f.c > 0)
+
+
+def flat(spp: int, sampler: str = "sobol", **film) -> vr.Scene:
+    """A background of the brightness 1, and a lane for each of 24 x 24 pixels."""
+    return vr.Scene(
+        film=vr.Film(24, 24, filter=filters.MitchellFilter(), **film), background=1, camera=vr.Camera(), lights={},
+        settings=vr.Settings(spp=spp, sampler=sampler),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("sampler", ["sobol", "stratified"])
+@pytest.mark.parametrize("spp", [2, 4, 6, 8, 12, 16, 20])
+def test_an_even_number_of_samples_leaves_no_dark_dots(spp, sampler):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", FilterWarning)
+        image = vr.render(flat(spp, sampler), layers="RGB", progress=False)
+    assert np.abs(image["RGB"] - 1).max() < 1e-5
+
+
+@pytest.mark.parametrize("spp, sampler", [(1, "sobol"), (3, "sobol"), (21, "stratified"), (4, "independent")])
+def test_samples_that_leave_dark_dots_are_said_with_their_size(spp, sampler):
+    scene = flat(spp, sampler)
+    with pytest.warns(FilterWarning) as said:
+        image = vr.render(scene, layers="RGB", progress=False)
+    (text,) = (str(w.message) for w in said if w.category is FilterWarning)
+    assert (text,) == vr.explain(scene).notes
+    stated = float(re.search(r"by ([\d.]+) %", text)[1]) / 100
+    assert image["RGB"].std(axis=(0, 1))[0] == pytest.approx(stated, rel=0.15)
+
+
+def test_a_render_takes_fields_of_the_film():
+    scene = flat(2)
+    image = vr.render(scene, filter="tent", region=(2, 3, 6, 9), scale=0.5, spp=1, layers="RGB", progress=False)
+    assert image["RGB"].shape == (6, 4, 3)
+    film = vr.Film(24, 24, filter=vr.TentFilter(), region=(2, 3, 6, 9), scale=0.5)
+    same = vr.render(vr.replaced(scene, "film", film), spp=1, layers="RGB", progress=False)
+    assert np.array_equal(image["RGB"], same["RGB"])
+    for kind in filters.KINDS:
+        assert getattr(vr, kind.__name__) is kind
 
 
 @pytest.mark.parametrize("f", SIGNED, ids=lambda f: f"{f.b:.2g}-{f.c:.2g}")

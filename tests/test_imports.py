@@ -69,7 +69,7 @@ scene.film scene.naming scene.building scene.summary scene.scene
 data.row_balls things blocking surroundings fitted_scene
 scene
 animation.moment
-data_report mesh_report clip_report constant_report csg_report track_report
+data_report mesh_report clip_report filter_report constant_report csg_report track_report
 polynomials.sign_region polynomials.formula_facts
 feature_rules features material_report glass_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png

@@ -138,7 +138,15 @@ def test_a_size_replaces_the_scale_and_keeps_the_region():
 
 WRONG = {
     (10, 0, 0, 9): "must be left, top, right, bottom, of at least one pixel; write [0, 0, 10, 9]",
-    (5, 5, 5, 9): "must be left, top, right, bottom, of at least one pixel; right is beyond left, and bottom below top",
+    (
+        5,
+        5,
+        5,
+        9,
+    ): "must be left, top, right, bottom, of at least one pixel; right is beyond left, and bottom below top; "
+    "the picture has 24 x 16 pixels",
+    (10, 10, -1, -1): "must be left, top, right, bottom, of at least one pixel; right is beyond left, and bottom below "
+    "top; the picture has 24 x 16 pixels",
     (20, 0, 30, 9): "reaches beyond the picture: the picture has 24 x 16 pixels; inside of it is [20, 0, 24, 9]",
     (-9, -9, -1, -1): "reaches beyond the picture: the picture has 24 x 16 pixels; give a region in [0, 0, 24, 16]",
 }

@@ -48,6 +48,9 @@ def animate(
     allow_outside: bool = False,
     legend: bool = True,
     cluster: str | None = None,
+    filter: Any = None,
+    region: Sequence[int] | None = None,
+    scale: float | None = None,
 ) -> Iterator[Image]:
     """Renders frames of an animated scene, or of a scene file. Each picture is rendered when it is asked for:
 
@@ -68,7 +71,8 @@ def animate(
     Goal.from_arguments(error, time, spp, clock.now())
     options = {"layers": checked_layers(layers), "error": error, "time": time, "legend": legend, "backend": backend}
     scene = load_as_written(scene, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
-    scene = adjusted(scene, spp=spp, size=size, seed=seed, precision=precision)
+    film = {"size": size, "filter": filter, "region": region, "scale": scale}
+    scene = adjusted(scene, **film, spp=spp, seed=seed, precision=precision)
     if times is None:
         chosen = chosen_frames(scene.animation, frames, fps)
     elif frames is None and fps is None:

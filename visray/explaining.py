@@ -10,6 +10,7 @@ from visray.constant_report import constant_notes
 from visray.csg_report import csg_notes
 from visray.data_report import data_notes
 from visray.features import Features, features
+from visray.filter_report import filter_notes
 from visray.glass_report import glass_notes
 from visray.material_report import color_notes, energy_notes, sheet_notes
 from visray.mesh_report import mesh_facts
@@ -28,7 +29,7 @@ def explain(scene: Scene) -> Features:
     scene = still_at(given, None)
     on = features(scene)
     listed, count = overlaps(scene) if on["nested media"] else ((), 0)
-    of_scene = (*csg_notes(scene), *constant_notes(scene), *clip_notes(scene), *data_notes(scene))
+    of_scene = (*csg_notes(scene), *constant_notes(scene), *clip_notes(scene), *data_notes(scene), *filter_notes(scene))
     of_glass = (*sheet_notes(scene, on), *glass_notes(scene, on))
     of_materials = (*of_glass, *energy_notes(scene), *color_notes(scene))
     notes = (*animation_notes(given), *of_materials, *of_scene)

@@ -97,7 +97,7 @@ class Table:
 
         u, v: as in Line.places
         turn: number from 0 to 1 that chooses the signs of both functions. The turns of a pixel's samples are evenly
-            spread, so that the mean of the weights of 16 samples is 1. None: u and v choose the signs
+            spread, so that the mean of their weights is 1 if their number is even. None: u and v choose the signs
         """
         if turn is not None:
             return dr.select(turn < self.chance, self.below, self.above)

@@ -195,7 +195,7 @@ def kernel_scene(
         sample_sets={name: SampleSet.of(a, n) for name, n in counts.items()},
         coverage=dr.opaque(a.F, float(not film.transparent)),
         transparent=film.transparent,
-        filter=film.filter.prepared(a) if features["filter"] else None,
+        filter=film.filter.prepared(a, settings.spp) if features["filter"] else None,
         attached=attached,
         in_waves=in_waves,
         asked=asked_fields(packed.materials, geometry.batches, attached and features["bilinear"]),

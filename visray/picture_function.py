@@ -94,6 +94,8 @@ class PictureFunction:
     def numbers(self, i: int, value: Any) -> np.ndarray:
         """The value number i as an array in double. Raises UserError if it is of another shape, or no array."""
         try:
+            if np.iscomplexobj(np.asarray(value)):
+                raise TypeError
             made = np.asarray(value, float)
         except (TypeError, ValueError):
             raise UserError(f"{self.addresses[i]} = {shown(value)}: must be numbers") from None

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from visray.errors import UserError
+from visray.filters import STEPS, sign_steps
 from visray.quantities import Arrays
 from visray.scene.scene import Scene
 from visray.version import __version__
@@ -18,7 +19,8 @@ class PictureIdentity:
     """Everything that the bits of a film depend on, except the machine. Films of the same picture have equal
     identities.
 
-    The number of samples is included for the stratified sampler only, because it decides the strata.
+    The number of samples is included for the stratified sampler only, because it decides the strata; and for a filter
+    with negative weights, if it is even and no multiple of STEPS, because it decides how often they are drawn.
 
     facts: version, backend, precision, size, region, seed, sampler, spp, and the hash of the scene without these
     """
@@ -41,6 +43,7 @@ class PictureIdentity:
         scene, s = self._scene, self._scene.settings
         # The accelerator is left out, because it changes no bit.
         settings = replace(s, seed=0, spp=1, accelerator="auto")
+        few_signs = scene.film.filter.may_be_negative and sign_steps(s.spp) < STEPS
         hashed = replace(scene, settings=settings, film=scene.film.resized((1, 1)))
         return {
             "visray": __version__,
@@ -50,7 +53,7 @@ class PictureIdentity:
             "region": scene.film.region and [*scene.film.region],
             "seed": s.seed,
             "sampler": s.sampler,
-            "spp": s.spp if s.sampler == "stratified" else None,
+            "spp": s.spp if s.sampler == "stratified" or few_signs else None,
             "scene": self._shutter.hash(hashed) if self._shutter else hashed.hash(),
         }
 
@@ -98,4 +101,6 @@ def _shown(fact: str, value: Any) -> str:
     """The value of a fact as text for messages; a size as `width x height`."""
     if fact == "region" and not value:
         return NO_REGION
+    if fact == "spp" and value is None:
+        return f"a multiple of {STEPS}, or odd"
     return " x ".join(map(str, value)) if fact == "size" and isinstance(value, list) else str(value)

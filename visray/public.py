@@ -24,6 +24,7 @@ from visray.edges import EdgeWarning
 from visray.environment_map import EnvironmentMap
 from visray.errors import UserError
 from visray.explaining import explain
+from visray.filters import BoxFilter, GaussianFilter, MitchellFilter, TentFilter
 from visray.gradients import derivative, gradient
 from visray.lights import *
 from visray.live.view import view
@@ -56,6 +57,7 @@ __all__ = [
     "Animation",
     "Ball",
     "Block",
+    "BoxFilter",
     "Camera",
     "CheckerTexture",
     "Checkpoint",
@@ -66,12 +68,15 @@ __all__ = [
     "Ellipse",
     "EllipseTrack",
     "EnvironmentMap",
+    "GaussianFilter",
     "GlobeBase",
     "Legend",
     "MapBase",
+    "MitchellFilter",
     "PlaneBase",
     "RowEdit",
     "SizeRule",
+    "TentFilter",
     "Film",
     "Image",
     "ImageTexture",

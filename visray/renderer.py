@@ -26,6 +26,7 @@ from visray.cluster.address import check_address
 from visray.cluster.connecting import connected
 from visray.cluster.picture import Job
 from visray.errors import GoalWarning, UserError
+from visray.filter_report import warn_of_filter
 from visray.legend.layer import has_legend
 from visray.motion_vectors import check_motion
 from visray.moving import moving
@@ -72,12 +73,16 @@ def render(
     checkpoint: str | Path | Checkpoint | None = None,
     resume: bool = False,
     cluster: str | None = None,
+    filter: Any = None,
+    region: Sequence[int] | None = None,
+    scale: float | None = None,
 ) -> Image:
     """Renders a scene, a prepared scene (vr.prepare) or a scene file. After Ctrl-C, the picture consists of the samples
     taken so far.
 
     setup: the setup file of a scene in the format of the original VisRayTrace.
-    spp: samples per pixel. Like `size` (width, height), `seed` and `precision`, it replaces the value of the scene.
+    spp: samples per pixel. Like `size` (width, height), `seed`, `precision`, and the film's `filter`, `region` and
+        `scale` (vr.Film), it replaces the value of the scene.
     threads: number of threads of the LLVM backend.
     backend: "llvm", "cuda" or "metal".
     layers: names of the layers to make. The layers of the first hit need a kernel of their own.
@@ -115,7 +120,8 @@ def render(
         raise UserError(f"cluster = {cluster!r}: takes no prepared frame with motion blur; give its scene, and `at`")
     if given and at is not None:
         raise UserError(f"at = {at:g}: {ONE_MOMENT}")
-    animated = adjusted(given.scene if given else scene, spp=spp, size=size, seed=seed, precision=precision)
+    film = {"size": size, "filter": filter, "region": region, "scale": scale}
+    animated = adjusted(given.scene if given else scene, **film, spp=spp, seed=seed, precision=precision)
     check_motion(layers, given.after if given else animated.animation)
     asked = scene = still_at(animated, at)
     if not (legend and has_legend(scene)):
@@ -124,6 +130,8 @@ def render(
         goal = replace(goal, reserve=_seconds_to_finish(scene, layers, files))
         sampler = adaptive_sampler(scene.settings.sampler)
         scene = adjusted(scene, sampler=sampler) if sampler != scene.settings.sampler else scene
+    else:
+        warn_of_filter(scene)
     if threads is not None:
         set_threads(threads)
     with ExitStack() as stack:

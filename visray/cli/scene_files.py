@@ -7,6 +7,8 @@ from pathlib import Path
 
 from visray.scene.source import as_surface, neighbour
 
+# Suffixes of scene files.
+SUFFIXES = (".json",)
 # Number of files of a folder that are looked at, and of those that are named.
 LOOKED_AT, NAMED = 1000, 3
 
@@ -16,7 +18,7 @@ def meant(path: Path) -> str:
     if path.is_dir():
         found = [str(file) for file in islice(files_in(path), NAMED)]
         return f"is a folder; give a scene in it{', such as ' + ' or '.join(found) if found else ''}"
-    if hint := neighbour(path) or as_surface(str(path)):
+    if hint := neighbour(path, SUFFIXES) or as_surface(str(path)):
         return f"no such file{hint}"
     below = next((str(file) for file in _below(path.parent) if file.name == path.name), None)
     if below:

@@ -67,7 +67,8 @@ def film_flaw(film: Film) -> tuple[str, object, str] | None:
     whole = f"the picture has {width} x {height} pixels"
     if left >= right or top >= bottom:
         swapped = [min(left, right), min(top, bottom), max(left, right), max(top, bottom)]
-        advice = f"write {swapped}" if left != right and top != bottom else "right is beyond left, and bottom below top"
+        inside = 0 <= swapped[0] < swapped[2] <= width and 0 <= swapped[1] < swapped[3] <= height
+        advice = f"write {swapped}" if inside else f"right is beyond left, and bottom below top; {whole}"
         return "film.region", film.region, f"must be left, top, right, bottom, of at least one pixel; {advice}"
     if left < 0 or top < 0 or right > width or bottom > height:
         inside = [max(left, 0), max(top, 0), min(right, width), min(bottom, height)]

@@ -152,6 +152,24 @@ def test_torch(case):
             assert np.abs(value.grad.numpy() / 2 - slope).max() <= bound * max(1, np.abs(slope).max()) * slope.size
 
 
+@pytest.mark.parametrize("library", ["torch", "jax"])
+def test_one_picture_has_several_derivatives(library):
+    """Those of single pixels, asked for one after the other."""
+    module = pytest.importorskip(library)
+    function = vr.render_function(SCENE, ["materials.paint.kd"], progress=False)
+    truth = [vr.derivative(function.scene, f"materials.paint.kd.{i}", progress=False) for i in range(3)]
+    pixels = [(1, 2, 0), (3, 4, 1), (5, 6, 2), (0, 7, 0)]
+    if library == "torch":
+        kd = module.tensor(function.start[0], dtype=module.float64, requires_grad=True)
+        picture = function(kd)
+        rows = [module.autograd.grad(picture[at], kd, retain_graph=True)[0].numpy() for at in pixels]
+    else:
+        picture, pull = module.vjp(function, module.numpy.array(function.start[0]))
+        rows = [pull(module.numpy.zeros(picture.shape).at[at].set(1.0))[0] for at in pixels]
+    for row, at in zip(rows, pixels):
+        assert np.abs(np.asarray(row) - [t[at] for t in truth]).max() <= SINGLE
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_jax(case):
     jax = pytest.importorskip("jax")
@@ -211,6 +229,7 @@ def test_wrong_addresses():
     for addresses, message in (
         ([], "addresses: there is none"),
         (["ambient", "ambient"], "addresses: ambient is there twice"),
+        (["ambient.0", "lights.key.position", "ambient"], "addresses: ambient overlaps ambient.0; name each number"),
         ("materials.paint", "materials.paint: is not one number or three"),
         ("settings.shadows", "settings.shadows: is not one number or three"),
         ("materials.clay.kd", "materials has no 'clay'"),

@@ -29,7 +29,8 @@ def picture(function: Any, values: Sequence[Any]) -> Any:
         elif jnp.iscomplexobj(value):
             raise UserError(f"{function.addresses[i]}: the array has complex numbers; give real ones")
         function.check_shape(i, np.shape(value))
-    kind = jnp.result_type(float, *(v.dtype for v in values if isinstance(v, jax.Array)))
+    # Halves would round the picture to 3 digits.
+    kind = jnp.result_type(jnp.float32, *(v.dtype for v in values if isinstance(v, jax.Array)))
     arrays = tuple(jnp.asarray(v, kind) for v in values)
     shape = jax.ShapeDtypeStruct(function.shape, kind)
     kept: dict[bytes, Any] = {}

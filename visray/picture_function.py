@@ -19,7 +19,7 @@ from visray.progress import Bar, Interrupts
 from visray.quantities import Arrays, Quantity
 from visray.scene import address as addresses_of
 from visray.scene.adjusted import adjusted
-from visray.scene.edits import canonical
+from visray.scene.edits import canonical, within
 from visray.scene.scene import Scene
 from visray.setup import arrays
 from visray.traced_picture import PictureOperation, TracedPicture, of_kind
@@ -207,7 +207,9 @@ def render_function(
     names = [addresses] if isinstance(addresses, str) else list(addresses)
     if not names:
         raise UserError("addresses: there is none; name the numbers, such as materials.red.kd")
-    if repeated := next((x for x in names if names.count(x) > 1), None):
-        raise UserError(f"addresses: {repeated} is there twice; name it once")
+    for i, name in enumerate(names):
+        if (other := next((x for x in names[:i] if within(name, x) or within(x, name)), None)) is not None:
+            twice = "is there twice" if name == other else f"overlaps {other}"
+            raise UserError(f"addresses: {name} {twice}; name each number once")
     scene = still_at(adjusted(scene, precision=precision, spp=spp, size=size), None)
     return PictureFunction(scene, names, backend, progress)

@@ -1,16 +1,19 @@
-"""Pictures with derivatives for PyTorch: a PictureFunction whose values and picture are tensors of PyTorch."""
+"""Pictures with derivatives for PyTorch: a PictureFunction whose values and picture are tensors of PyTorch.
+
+Dr.Jit's own bridge (dr.wrap) gives the first derivative once more if PyTorch asks one picture for a second one, as for
+the rows of a Jacobian. So the bridge here is PyTorch's own.
+"""
 
 from collections.abc import Sequence
 from typing import Any
 
-import drjit as dr
 import numpy as np
 
 from visray.errors import UserError
 
 
 def picture(function: Any, values: Sequence[Any]) -> Any:
-    """The picture as a tensor, with derivatives by those values that need them.
+    """The picture as a tensor, with derivatives in reverse mode by those values that need them.
 
     function: the PictureFunction
     values: for each address a tensor on the CPU, or numbers
@@ -29,5 +32,24 @@ def picture(function: Any, values: Sequence[Any]) -> Any:
         elif value.is_complex():
             raise UserError(f"{function.addresses[i]}: the tensor has complex numbers; give real ones")
         function.check_shape(i, tuple(value.shape))
-        tensors.append(value.to(kind).contiguous())
-    return dr.wrap("torch", "drjit")(function.of_tensors)(*tensors)
+        tensors.append(value.to(kind))
+
+    class Picture(torch.autograd.Function):
+        """The picture as an operation of PyTorch."""
+
+        @staticmethod
+        def forward(ctx: Any, *numbers: Any) -> Any:
+            """The picture."""
+            ctx.numbers = [x.detach().numpy().astype(float) for x in numbers]
+            ctx.traced = function.traced(ctx.numbers)
+            return torch.from_numpy(ctx.traced.image).to(kind)
+
+        @staticmethod
+        @torch.autograd.function.once_differentiable
+        def backward(ctx: Any, adjoint: Any) -> tuple:
+            """The derivatives of a loss by the values. adjoint: the derivative by the picture"""
+            # A traced picture serves once.
+            traced, ctx.traced = ctx.traced or function.traced(ctx.numbers), None
+            return tuple(torch.from_numpy(x).to(kind) for x in traced.pull(adjoint.numpy().astype(float)))
+
+    return Picture.apply(*tensors)

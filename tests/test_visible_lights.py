@@ -201,3 +201,23 @@ def test_in_coloured_glass_it_is_seen_through_what_is_before_it():
         # The camera in the glass.
         inside = replace(scene, camera=vr.Camera(origin=(0, 0, depth / 2), fov=0.01))
         assert np.abs(picture(inside) - COLOUR * np.exp(-np.multiply(absorption, depth / 2 - 0.25))).max() <= 4 * SINGLE
+
+
+def test_the_way_to_it_in_coloured_glass_has_derivatives():
+    """exp(-absorption (R - 1/4)) in a ball of radius R about a lamp of radius 1/4. Edges are outside of the picture."""
+    absorption = np.array((0.5, 1.0, 2.0))
+    glass = vr.Material(ka=BLACK, kd=BLACK, kt=(1.0, 1.0, 1.0), ior=1.0, absorption=tuple(absorption))
+    scene = replace(
+        SCENE,
+        camera=vr.Camera(origin=(0, 0, 8), fov=0.01),
+        lights={"lamp": replace(LAMP, radius=0.25)},
+        materials={"glass": glass},
+        objects={"ball": vr.Sphere(radius=2.0, material="glass")},
+    )
+    slope = absorption * picture(scene)
+    for address, sign in (("objects.ball.radius", -1), ("objects.ball.center.2", -1), ("lights.lamp.position.2", 1),
+                          ("lights.lamp.radius", 1)):  # fmt: skip
+        with pytest.warns(vr.EdgeWarning):
+            found = vr.derivative(scene, address, progress=False)
+        # Rays run up to 9e-4 beside the axis of a lamp of radius 1/4, and change by the square of this share.
+        assert np.abs(found - sign * slope).max() <= (9e-4 / 0.25) ** 2 * slope.max()

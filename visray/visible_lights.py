@@ -27,7 +27,7 @@ class VisibleLights:
     """The visible lights of one kind, as kernels read them.
 
     kind: the primitive that has their shape
-    placed: their shapes, as Primitive.placed returns them, without derivatives
+    placed: their shapes, as Primitive.placed returns them
     size: size of their coordinates, from which rounding bounds are computed
     colour: colour of each light
     number: number of each light in the scene
@@ -52,7 +52,7 @@ def visible_lights(lights: tuple[LightColumns, ...], seen: list[bool], a: Arrays
         # A table of one entry is another kernel.
         index = a.put(a.U, np.array(visible if len(visible) > 1 else 2 * visible, np.uint32))
         table = rows(columns.numbers, index)
-        kind, shape = shape_of(columns.kind, detached(table))
+        kind, shape = shape_of(columns.kind, table)
         size = l1_norm(dr.detach(table.position)) + dr.detach(table.radius_bound())
         numbers = a.put(a.U, np.array(columns.scene_index, np.uint32)[np.array(index)])
         colour = table.intensity * table.Id
@@ -78,7 +78,7 @@ class SeenLight:
     met: mask of the rays that meet one
     number: its number in the scene; NO_ROW where none is met
     colour: its colour, with derivatives; black where none is met
-    distance: its distance; where none is met, that of what the ray hits
+    distance: its distance, with derivatives; where none is met, that of what the ray hits, without
     """
 
     met: Any
@@ -99,15 +99,15 @@ def nearest_light(lights: tuple[VisibleLights, ...], ray: Ray, hit: Hit) -> Seen
     A light that lies on a surface, to within rounding, is nearer than the surface: a lamp on a ceiling is seen.
     Error: the distances of both are off by gamma(8) of the coordinates' sizes at most (tests/test_visible_lights.py).
     """
-    ray = detached(ray)
+    attached, ray = ray, detached(ray)
     n = ray.lanes
     u, v = dr.uint32_array_t(type(ray.o.x)), type(dr.detach(lights[0].colour))
     best, number, colour = dr.detach(hit.t) + dr.zeros(type(ray.o.x), n), dr.full(u, NO_ROW, n), dr.zeros(v, n)
-    begin = ray.begin(NOTHING_KNOWN)
+    begin, distance = ray.begin(NOTHING_KNOWN), best
     for group in lights:
 
         def step(i: Any, best: Any, index: Any, group: VisibleLights = group) -> tuple:
-            placed, size = rows((group.placed, group.size), i)
+            placed, size = rows((detached(group.placed), group.size), i)
             crossing = group.kind.crossing(group.kind.seen(placed, ray.o), ray, begin, None, NOTHING_KNOWN)
             error = gamma(16) * (l1_norm(ray.o) + crossing.t + size)
             nearer = crossing.met & (crossing.t <= best + error)
@@ -120,4 +120,14 @@ def nearest_light(lights: tuple[VisibleLights, ...], ray: Ray, hit: Hit) -> Seen
         at = dr.select(met, index, 0)
         number = dr.select(met, dr.gather(u, group.number, at), number)
         colour = dr.select(met, rows(group.colour, at), colour)
-    return SeenLight(number != NO_ROW, number, colour, best)
+        distance = dr.select(met, _attached(group.kind, rows(group.placed, at), attached, best), distance)
+    return SeenLight(number != NO_ROW, number, colour, distance)
+
+
+def _attached(kind: type[Primitive], placed: Any, ray: Ray, t: Any) -> Any:
+    """The distance t of a shape along rays, with the derivatives that it has by the implicit function theorem.
+
+    placed: the shape of each lane
+    """
+    f, g = kind.surface_at(placed, dr.fma(t, ray.d, ray.o), None)
+    return t - (f - dr.detach(f)) / dr.detach(dr.dot(g, ray.d)) if dr.grad_enabled(f) else t

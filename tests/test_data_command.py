@@ -264,6 +264,7 @@ BAD = {
     "swapped": (["swapped.csv"], 'and no longitude is beyond 90; write --lon "lat" --lat "lon"'),
     "projected": (["metres.csv"], "--lon: longitude and latitude are out of range: line 2 (431000, "),
     "no places": (["unnamed.csv"], "unnamed.csv: no column is named like a longitude; write --lon and --lat"),
+    "no latitude": (["unnamed.csv", "--lon", "a"], "no column is named like a latitude; write --lat (one of a, b)"),
     "empty": (["empty.csv"], "empty.csv: the file is empty"),
     "no positions": (["nowhere.csv"], "nowhere.csv: no row has a longitude and a latitude"),
     "formulas": (["formulas.csv", "--height", "v"], '"=SUM(A1)" (a formula, not its result)'),

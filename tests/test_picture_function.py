@@ -232,10 +232,17 @@ def test_wrong_addresses():
         (["ambient.0", "lights.key.position", "ambient"], "addresses: ambient overlaps ambient.0; name each number"),
         ("materials.paint", "materials.paint: is not one number or three"),
         ("settings.shadows", "settings.shadows: is not one number or three"),
+        ("settings.spp", "settings.spp: the picture does not depend on it smoothly"),
         ("materials.clay.kd", "materials has no 'clay'"),
     ):
         with pytest.raises(vr.UserError, match=message):
             vr.render_function(SCENE, addresses)
+
+
+def test_complex_numbers_are_refused():
+    function = vr.render_function(SCENE, ["ambient"])
+    with pytest.raises(vr.UserError, match=r"^ambient = .*: must be numbers$"):
+        function(np.ones(3, complex))
 
 
 def test_the_function_says_what_it_takes():

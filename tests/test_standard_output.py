@@ -81,6 +81,8 @@ ADAPTIVE = {
 LINES = {
     "samples": (FACTS, "error below 9.4 %, 4 samples per pixel"),
     "independent": (FACTS | {"sampler": "independent"}, "error 9.4 %, 4 samples per pixel"),
+    "equal": (FACTS | {"error_at_most": 1e-9}, "no noise seen, 4 samples per pixel"),
+    "few": (FACTS | {"error_at_most": 3.42}, "error unknown: too few samples, 4 samples per pixel"),
     "one": (FACTS | {"spp": 1}, "error below 9.4 %, 1 sample per pixel"),
     "certificate": (FACTS | {"unresolved": 3, "residual_ulps": 1.2}, "error below 9.4 %, 4 samples per pixel"),
     "stopped": (FACTS | {"interrupted": 1, "spp_asked": 16}, "stopped, error below 9.4 %, 4 of 16 samples per pixel"),
@@ -91,7 +93,7 @@ LINES = {
     ),
     "depth": (
         ADAPTIVE | {"depth_error": 0.001},
-        "error 0.173 % (0.167 to 0.183 %, 0.1 % of it by depth), 9.75 samples per pixel (8 to 128)",
+        "error 0.173 % (0.167 to 0.183 %; depth alone: 0.1 %), 9.75 samples per pixel (8 to 128)",
     ),
     "black": (
         ADAPTIVE | dict.fromkeys(("error", "error_low", "error_high"), 0.0),

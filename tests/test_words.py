@@ -78,6 +78,7 @@ def test_a_wrong_number_gets_one_line(parse, text, line):
 
 WRONG = {
     "no scene": ("render", "visray render: the scene is missing; visray new ball.json writes one to begin with"),
+    "a pipe": ("render -", "-: a scene is read from no pipe; write it to a file first, such as scene.json"),
     "no file": ("render a.json", "a.json: no such file; visray new a.json writes a scene to begin with"),
     "no folder of scenes": ("render .", ".: is a folder; give a scene in it"),
     "near command": ("rendr", "rendr: there is no such command; did you mean visray render? visray --help lists all"),
@@ -113,6 +114,10 @@ def test_files_that_may_be_meant_are_named(capsys, tmp_path, monkeypatch):
     assert "write visray render scenes/cup.json" in said(capsys, "render")[2]
     monkeypatch.chdir("scenes")
     assert "did you mean 'cup.json'?" in said(capsys, "render", "cup")[2]
+    for other in ("cap.exr", "cups.png"):  # pictures are no scenes
+        Path(other).write_text("")
+    for wrong in ("cap.json", "cups.json", "cu.json"):
+        assert said(capsys, "render", wrong)[2] == f"visray: {wrong}: no such file; did you mean 'cup.json'?\n"
 
 
 def test_every_command_has_an_example_and_a_short_line(capsys):

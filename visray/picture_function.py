@@ -174,6 +174,8 @@ def _check_numeric(scene: Scene, address: str) -> None:
     value = addresses_of.value(scene, address)
     known: Quantity | None = addresses_of.numeric_addresses(scene).get(canonical(address))
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if is_number and known is None and address.startswith("settings."):
+        raise UserError(f"{address}: the picture does not depend on it smoothly; name a number of a part of the scene")
     if not (known or is_number or isinstance(value, NumberTable)):
         raise UserError(f"{address}: is not one number or three; name one of its parts")
 

@@ -15,6 +15,8 @@ ADAPTIVE_FACTS = (
     "time_asked", "time_missed", "unseen_error", "unseen", "small_object_pixels", "forecast_error", "forecast_spp",
     "forecast_seconds",
 )  # fmt: skip
+# Rounding of single precision. The samples of a pixel that differ by less have the same colour.
+SINGLE = 1e-6
 CERTIFICATE_FACTS = ("unresolved", "residual_ulps")
 
 
@@ -69,17 +71,21 @@ def _error(facts: dict[str, Any]) -> str:
     """The error in words; "" if it is not known."""
     if "error" not in facts:
         # The bound is the error of independent samples. Other samplers have a smaller error; how much is not known.
-        bound = "" if facts["sampler"] == "independent" else "below "
-        return f"error {bound}{_percent(facts['error_at_most'])} %" if "error_at_most" in facts else ""
+        if "error_at_most" not in facts:
+            return ""
+        most, bound = facts["error_at_most"], "" if facts["sampler"] == "independent" else "below "
+        if most < SINGLE:
+            return "no noise seen"
+        return f"error {bound}{_percent(most)} %" if most < 1 else "error unknown: too few samples"
     if not facts["error_high"]:
         return "no noise"
     middle, low, high = (_percent(facts[f"error{end}"], 3) for end in ("", "_low", "_high"))
     parts = {"depth": facts["depth_error"], "the file's rounding": facts["file_error"]}
     # The squares of errors add up. So a part below a fifth of the whole error changes it by about 2 % and is not shown.
-    largest = "".join(f", {_percent(x)} % of it by {name}" for name, x in parts.items() if x > 0.2 * facts["error"])
+    largest = "".join(f"; {name} alone: {_percent(x)} %" for name, x in parts.items() if x > 0.2 * facts["error"])
     # The upper end of the interval is the root of a sum of squares, too.
     if facts.get("unseen_error", 0.0) > 0.2 * facts["error_high"]:
-        largest += f", {_percent(facts['unseen_error'])} % in case that no sample met {facts['unseen']}"
+        largest += f"; if no sample met {facts['unseen']}: {_percent(facts['unseen_error'])} %"
     above = "" if goal_met(facts) else f", above the {_percent(facts['error_asked'])} % asked"
     return f"error {middle} % ({low} to {high} %{largest}){above}"
 

@@ -30,6 +30,8 @@ def explained(error: CycloptsError, app: App) -> str:
             return _unknown_command(error.unused_tokens[0], app)
         case UnknownOptionError():
             word = error.token.keyword or error.token.value
+            if word == "-":
+                return "-: a scene is read from no pipe; write it to a file first, such as scene.json"
             names = [name for argument in error.argument_collection if argument.parse for name in argument.names]
             near = get_close_matches(word, names, 1)
             return f"{word}: there is no such option; {_or(near)}{command} --help lists all"

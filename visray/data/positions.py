@@ -41,10 +41,13 @@ BOTH = re.compile(r"(?:SRID=\d+;)?\s*POINT\s*Z?\s*\(.*|\(?[+-]?\d+\.\d+\s*[,;/ ]
 WEST, EAST, NORTH = -180.0, 360.0, 90.0
 
 
-def position_columns(table: Table) -> tuple[str, str]:
+def position_columns(table: Table, lon: str | None = None, lat: str | None = None) -> tuple[str, str]:
     """Names of the columns with longitudes and latitudes, found by usual names. Raises a UserError that lists the
-    columns if there is none, or more than one."""
-    return _found(table, LONGITUDES, "longitude"), _found(table, LATITUDES, "latitude")
+    columns if there is none, or more than one.
+
+    lon, lat: names that are known
+    """
+    return lon or _found(table, LONGITUDES, "longitude"), lat or _found(table, LATITUDES, "latitude")
 
 
 def _found(table: Table, groups: Sequence[Sequence[str]], what: str) -> str:

@@ -164,9 +164,9 @@ def completed(table: Table, wishes: Wishes) -> Wishes:
     lines = shows_lines(table, wishes.gizmo)
     if not lines and (wishes.lon is None or wishes.lat is None):
         try:
-            lon, lat = position_columns(table)
+            lon, lat = position_columns(table, wishes.lon, wishes.lat)
         except UserError as error:
-            raise UserError(*(text.replace("say which one", "write --lon and --lat") for text in error.lines)) from None
+            raise UserError(*(_with_options(text, wishes) for text in error.lines)) from None
         wishes = replace(wishes, lon=wishes.lon or lon, lat=wishes.lat or lat)
     if wishes.places == "auto":
         few = not lines and _has_few_names(table, wishes)
@@ -181,6 +181,15 @@ def completed(table: Table, wishes: Wishes) -> Wishes:
         tall = not lines and (bars or (wishes.gizmo is not None and "height" in GIZMOS[wishes.gizmo].sizes))
         wishes = replace(wishes, **({"height": first, "color": first} if tall else {"color": first}))
     return replace(wishes, color=wishes.color or wishes.height or wishes.radius)
+
+
+def _with_options(text: str, wishes: Wishes) -> str:
+    """A text about a missing column of positions, with the options that say it, and with what a table without places
+    can do."""
+    missing = [f"--{key}" for key in ("lon", "lat") if getattr(wishes, key) is None]
+    asked = f"write {' and '.join(missing)}"
+    needs = "; each row stands at a place on a map or a globe, so a table needs both"
+    return text.replace("say which one", asked) + needs * ("no column is named" in text)
 
 
 def _has_few_names(table: Table, wishes: Wishes) -> bool:

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from visray.data.layer import ROW_NUMBER
 from visray.hints import hint
+from visray.number_table import NumberTable
 from visray.primitives.csg import Csg
 from visray.primitives.instance import Instance
 from visray.records import Words
@@ -41,7 +42,8 @@ MOST = 50
 
 def line(address: str, value: Any, text: str) -> str:
     """The message `ADDRESS = VALUE: text`. The value is written as JSON, and cut if it is long, unless it is a path."""
-    shown = json.dumps(value, ensure_ascii=False, default=str)
+    table = isinstance(value, NumberTable)
+    shown = str(value) if table else json.dumps(value, ensure_ascii=False, default=str)
     is_path = isinstance(value, str) and address.endswith((".file", ".source"))
     shown = shown if len(shown) <= LONGEST_VALUE or is_path else shown[: LONGEST_VALUE - 3] + "..."
     return f"{address} = {shown}: {text}" if address else f"{shown}: {text}"

@@ -3,6 +3,7 @@ forms, derivatives, kinds of files, and what is refused."""
 
 import json
 import math
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from PIL import Image as Pillow
 
 from visray.background import background
 from visray.cluster.scene_package import ScenePackage
-from visray.environment_report import LARGE, EnvironmentWarning, environment_notes
+from visray.environment_report import LARGE, EnvironmentWarning, environment_notes, unlit_notes
 from visray.features import features
 from visray.images import environment
 from visray.live.controls import control
@@ -359,6 +360,11 @@ def test_wrong_fields_are_said_in_one_line_each(tmp_path) -> None:
     assert flawed(tmp_path, background={"rotation": 2}) == ["background: the key 'file' is missing; it is a string"]
     assert flawed(tmp_path, background={"top": [1, 1, 1]})[0].startswith("background: the key 'bottom' is missing")
     assert len(flawed(tmp_path, background=[1, 2])) == 1
+    right = 'background = "a/Sky.PNG": is no colour; write {"file": "a/Sky.PNG"} for an environment map'
+    assert flawed(tmp_path, background="a/Sky.PNG") == [right]
+    with pytest.raises(vr.UserError, match=f"^Scene: {re.escape(right)}$"):
+        vr.Scene(background="a/Sky.PNG")
+    assert vr.Scene(background="tomato").background == "tomato"
     assert flawed(tmp_path, settings={"occlusion": {"light": "background"}}) == [
         'settings.occlusion.light = "background": needs rays that bring it; set settings.occlusion.sky, to 16 say'
     ]
@@ -413,6 +419,27 @@ def test_what_costs_memory_and_what_counts_twice_is_said(monkeypatch) -> None:
     twice = replace(twice, materials={"white": vr.Material(ka=WHITE, kd=WHITE)})
     with pytest.warns(EnvironmentWarning, match="materials.white gets the background twice"):
         prepare(twice)
+
+
+def test_what_lights_nothing_is_said(room) -> None:
+    """Not if there is a light, or if the settings bring the light, or if nothing could be lit."""
+    glowing = {"m": vr.Material(), "lamp": vr.Material(emission=2.0)}
+    objects = {"floor": vr.Plane(material="m"), "lamp": vr.Sphere((0, 1, 0), material="lamp")}
+    lone = vr.Scene(camera=vr.Camera(), lights={}, materials=glowing, objects=objects)
+    mapped = replace(lone, background=vr.EnvironmentMap(ROOM))
+    assert unlit_notes(lone)[0].startswith("materials.lamp: emission lights nothing")
+    (text,) = unlit_notes(mapped)
+    assert text.startswith("the environment map lights nothing by itself") and text in vr.explain(mapped).notes
+    for scene in (lone, mapped):
+        dark = {"off": vr.PointLight((0, 5, 0), intensity=0.0)}
+        assert unlit_notes(replace(scene, lights=dark)) == unlit_notes(scene)
+        scattering = vr.Settings(scatter=vr.Scatter(rays=1))
+        changes = [
+            {"lights": {"key": vr.PointLight((0, 5, 0))}}, {"settings": scattering}, {"settings": occlusion()},
+            {"settings": vr.Settings(shading="normal")}, {"objects": {"lamp": objects["lamp"]}},
+        ]  # fmt: skip
+        assert not any(unlit_notes(replace(scene, **change)) for change in changes)
+    assert not unlit_notes(replace(lone, materials=glowing | {"lamp": vr.Material()}))
 
 
 def test_a_left_out_map_is_white() -> None:

@@ -396,6 +396,20 @@ def test_text_that_is_no_scene(tmp_path: Path, content: object, what: str) -> No
         ({"center": 3}, "objects.ball.center = 3: must be 3 numbers (world units)"),
         ({"center": [0, "1", 2]}, 'objects.ball.center.1 = "1": must be a number'),
         ({"material": 3}, "objects.ball.material = 3: must be the name of a material"),
+        (
+            {"material": {"color": "red"}},
+            'objects.ball.material = {"color": "red"}: must be the name of a material; write it under materials, and '
+            "its name here",
+        ),
+        (
+            {"material": "tomato"},
+            'objects.ball.material = "tomato": unknown material; write {"color": "tomato"} under materials, and its '
+            "name here",
+        ),
+        (
+            {"material": "defalt"},
+            'objects.ball.material = "defalt": unknown material; did you mean "default"? (one of default)',
+        ),
         ({"transform": {}}, "objects.ball.transform = {}: must be a list [...]"),
         (
             {"radus": 2},

@@ -125,6 +125,15 @@ def _text_flaw(text: str) -> str:
     return f'unknown colour; did you mean "{near[0]}"?' if near else f"unknown colour; write {FORMS}"
 
 
+def is_color(text: str) -> bool:
+    """Whether a text spells a colour."""
+    try:
+        color_of_text(text)
+    except ValueError:
+        return False
+    return True
+
+
 def spelled(color: Any) -> Any:
     """Three numbers in place of a colour that is spelled as text or as one number; anything else unchanged. Raises
     ValueError if a text spells no colour."""

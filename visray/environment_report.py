@@ -1,4 +1,5 @@
-"""What visray says about the environment map and the light of the background, before a picture is rendered."""
+"""What visray says about the environment map, the light of the background, and surfaces that glow, before a picture is
+rendered."""
 
 from visray import modes
 from visray.environment_map import EnvironmentMap
@@ -11,16 +12,19 @@ from visray.warn import warn
 LARGE = 8192 * 4096
 # Bytes of a pixel in a kernel: four numbers in single precision.
 BYTES = 16
+# What brings the light of all surfaces and of the background to matte surfaces.
+SCATTER = "settings.scatter.rays=1"
 
 
 class EnvironmentWarning(UserWarning):
-    """An environment map takes much memory, or the light of the background counts twice."""
+    """An environment map takes much memory or lights nothing, emission lights nothing, or the light of the background
+    counts twice."""
 
 
 def warn_of_environment(scene: Scene) -> None:
-    """Warns of a large environment map, and of light of the background that counts twice. Each is shown once. Raises
-    UserError if the map cannot be used."""
-    for text in environment_notes(scene):
+    """Warns of a large environment map, of light of the background that counts twice, and of a map or emission that
+    light nothing. Each is shown once. Raises UserError if the map cannot be used."""
+    for text in (*environment_notes(scene), *unlit_notes(scene)):
         warn(text, EnvironmentWarning)
 
 
@@ -41,3 +45,25 @@ def environment_notes(scene: Scene) -> list[str]:
             problem = f"materials.{twice[0]} gets the background twice, by sky rays (ka) and by scattering (kd)"
             notes.append(f"settings.occlusion.light: {problem}; set scatter.rays to 0, or its ka to 0")
     return notes
+
+
+def unlit_notes(scene: Scene) -> list[str]:
+    """List of one sentence, or of none: an environment map or emission may be meant to light the scene, but does not.
+
+    It is said only if no light shines, nothing scatters, and there is a matte surface to be lit.
+    """
+    settings, materials = scene.settings, used_materials(scene)
+    shines = any(l.intensity and any((*l.Ia, *l.Id, *l.Is)) for l in scene.lights.values())
+    scatters = settings.scatter.rays and settings.scatter.depth
+    if shines or scatters or not modes.BY_NAME[settings.shading].lit:
+        return []
+    if not any(m.scatters and not any(m.emission) for m in materials.values()):
+        return []
+    if isinstance(scene.background, EnvironmentMap) and not background_is_ambient(scene):
+        sky = "settings.occlusion.sky=16 and settings.occlusion.light=background"
+        return [f"the environment map lights nothing by itself, and there is no light; set {sky}, or {SCATTER}"]
+    glows = next((name for name, m in materials.items() if any(m.emission)), None)
+    if glows is None or background_is_ambient(scene):
+        return []
+    light = 'add a light (an area light may be "visible": true)'
+    return [f"materials.{glows}: emission lights nothing, and there is no light; {light}, or set {SCATTER}"]

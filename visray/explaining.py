@@ -9,6 +9,7 @@ from visray.clip_report import clip_notes
 from visray.constant_report import constant_notes
 from visray.csg_report import csg_notes
 from visray.data_report import data_notes
+from visray.environment_report import unlit_notes
 from visray.features import Features, features
 from visray.filter_report import filter_notes
 from visray.glass_report import glass_notes
@@ -31,7 +32,7 @@ def explain(scene: Scene) -> Features:
     listed, count = overlaps(scene) if on["nested media"] else ((), 0)
     of_scene = (*csg_notes(scene), *constant_notes(scene), *clip_notes(scene), *data_notes(scene), *filter_notes(scene))
     of_glass = (*sheet_notes(scene, on), *glass_notes(scene, on))
-    of_materials = (*of_glass, *energy_notes(scene), *color_notes(scene))
+    of_materials = (*of_glass, *energy_notes(scene), *color_notes(scene), *unlit_notes(scene))
     notes = (*animation_notes(given), *of_materials, *of_scene)
     more = {"meshes": mesh_facts(scene), "overlaps": listed, "overlap_count": count, "notes": notes}
     return replace(on, rays=ray_families(scene, on), **more)

@@ -26,6 +26,7 @@ from visray.scene.validated import plain
 from visray.terminal import printable
 from visray.transforms import STEPS
 
+UNDER_MATERIALS = "write {} under materials, and its name here"
 NAME_RULE = "a name is not empty, has no dot, and has no space at either end"
 ROW_RULE = 'rows are counted from 0, as in {"12": {"lon": 2.2}}'
 OPERATIONS = get_args(Csg.__dataclass_fields__["op"].type)
@@ -166,7 +167,8 @@ def _type_message(address: tuple, annotation: Any, raw: Any) -> str:
     named = isinstance(value, list) and value and get_origin(bare(annotation)) is dict
     example = ', such as {"NAME": {...}}' if named else ""
     if address[-1:] in (("material",), ("cut_material",)):
-        return line(_dotted(address), value, "must be the name of a material")
+        way = f"; {UNDER_MATERIALS.format('it')}" if isinstance(value, dict) and "type" not in value else ""
+        return line(_dotted(address), value, f"must be the name of a material{way}")
     if isinstance(value, dict) and value and address[-1:] == ("transform",):
         example = "; write [{...}]"
     return line(_dotted(address), value, f"must be {describe(annotation)}{example}")

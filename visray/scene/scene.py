@@ -1,21 +1,25 @@
 """The scene as frozen dataclasses of plain numbers. A scene file has the same fields."""
 
 import hashlib
+import json
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
+from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
 import numpy as np
-from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, TypeAdapter
 
 from visray import camera as cameras
 from visray import lights, modes, primitives, textures
 from visray.animation.animation import Animation
+from visray.colors import spelled
 from visray.data.all_objects import AllObjects, address_of
 from visray.data.data_scene import Data
 from visray.environment_map import EnvironmentMap
+from visray.errors import UserError
 from visray.materials import Material
 from visray.named_files import DIGESTS
 from visray.primitives.csg_bodies import Body, separate_bodies
@@ -29,9 +33,12 @@ from visray.scene.building import Buildable
 from visray.scene.film import Film
 from visray.scene.naming import with_named_entries
 from visray.scene.summary import summary, table
+from visray.terminal import printable
 
 # Name of the material of objects that name none.
 DEFAULT_MATERIAL = "default"
+# Endings of files that may be environment maps.
+MAPS = (".exr", ".hdr", ".pic", ".png", ".jpg", ".jpeg")
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
 
 
@@ -53,11 +60,19 @@ def _background_type(raw: Any) -> str:
     return type(raw).__name__ if isinstance(raw, SkyGradient | EnvironmentMap) else "color"
 
 
+def _no_file(raw: Any) -> Any:
+    """The background, unless it is a text that names a file: then raises ValueError, which says how to write that."""
+    if isinstance(raw, str) and Path(raw).suffix.lower() in MAPS:
+        raise ValueError(f'is no colour; write {{"file": {json.dumps(raw)}}} for an environment map')
+    return raw
+
+
 Background = Annotated[
     Annotated[SkyGradient, Tag("SkyGradient")]
     | Annotated[EnvironmentMap, Tag("EnvironmentMap")]
     | Annotated[Color, Tag("color")],
     Discriminator(_background_type),
+    BeforeValidator(_no_file),
 ]
 Rays = Annotated[int, Field(strict=True, ge=0, le=2**16)]
 Depth = Annotated[int, Field(strict=True, ge=0, le=1000)]
@@ -173,6 +188,13 @@ class Scene(Buildable):
     data: Data | None = None
     animation: Animation | None = None
     settings: Settings = field(default_factory=Settings)
+
+    def __post_init__(self) -> None:
+        """Raises UserError for a background whose text is no colour, where Python makes the scene."""
+        try:
+            spelled(_no_file(self.background))
+        except ValueError as error:
+            raise UserError(printable(f"Scene: background = {json.dumps(self.background)}: {error}")) from None
 
     def __repr__(self) -> str:
         return summary(self)

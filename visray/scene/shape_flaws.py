@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from dataclasses import asdict, is_dataclass
 from typing import Any
 
-from visray.hints import hint
+from visray.colors import is_color
+from visray.hints import hint, similar
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.primitives.primitive import Primitive
-from visray.scene.messages import line
+from visray.scene.messages import UNDER_MATERIALS, line
 from visray.scene.scene import DEFAULT_MATERIAL, Scene
 
 
@@ -38,8 +39,11 @@ def unknown_names(scene: Scene, address: str, shape: Primitive) -> Iterator[str]
     for field in ("material", "cut_material"):
         name = getattr(shape, field)
         if name not in (None, DEFAULT_MATERIAL) and name not in scene.materials:
-            known = dict.fromkeys([*scene.materials, DEFAULT_MATERIAL])
-            yield line(f"{address}.{field}", name, f"unknown material; {hint(name, known)}")
+            known = [*dict.fromkeys([*scene.materials, DEFAULT_MATERIAL])]
+            way = hint(name, known)
+            if is_color(name) and not similar(name, known):
+                way = UNDER_MATERIALS.format(f'{{"color": "{name}"}}')
+            yield line(f"{address}.{field}", name, f"unknown material; {way}")
     if isinstance(shape, Instance) and shape.geometry not in scene.geometries:
         text = f"unknown geometry; {hint(shape.geometry, scene.geometries)}"
         if shape.geometry in scene.objects:

@@ -17,6 +17,9 @@ from visray.primitives.primitive import Primitive
 # lists or in a tree (merge and objects in reference/csg_growth.py). Fewer stay one solid, because only within a solid
 # there is a rule for faces that coincide.
 MOST_JOINED = 64
+# The CSG that a half-space becomes has other fields, which are not checked: names of materials that visray makes have
+# dots.
+MERGE = Csg(op="merge", of=())
 
 
 @dataclass(frozen=True)
@@ -67,4 +70,4 @@ def _as_object(operand: Operand) -> Primitive:
     if not isinstance(shape, Plane):
         return shape
     plane = shape.with_fields(material=NO_MATERIAL, transform=())
-    return Csg(op="merge", of=(plane,), material=operand.material, transform=operand.steps)
+    return MERGE.with_fields(of=(plane,), material=operand.material, transform=operand.steps)

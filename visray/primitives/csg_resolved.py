@@ -16,6 +16,8 @@ from visray.primitives.primitive import Primitive
 # Fields of an object that has cuts. The difference that replaces it has them. An intersection or a difference also
 # needs the cut_material itself.
 UNCUT = {"cut": None, "material": NO_MATERIAL, "transform": ()}
+# Objects made of it have other fields, which are not checked: visray's own names of materials have dots.
+DIFFERENCE = Csg(op="difference", of=())
 # For each object its form, which does not refer to the object itself, and the geometries in it, by name.
 _entries = IdentityCache()
 
@@ -60,5 +62,5 @@ def _made(obj: Primitive, geometries: Mapping[str, Primitive], used: dict[str, P
 def _cut(inner: Primitive, obj: Primitive, geometries: Mapping[str, Primitive], used: dict[str, Primitive]) -> Csg:
     """An object with cuts as a difference. inner: the object without its cuts, material and transform."""
     cuts = (_resolved(x, geometries, used) for x in named_operands(obj.cut).values())
-    return Csg(op="difference", of=(inner, *cuts), material=obj.material, transform=obj.transform,
-               cut_material=obj.cut_material)  # fmt: skip
+    own = {"material": obj.material, "transform": obj.transform, "cut_material": obj.cut_material}
+    return DIFFERENCE.with_fields(of=(inner, *cuts), **own)

@@ -331,12 +331,25 @@ def test_what_is_wrong_with_a_file_is_said(room) -> None:
     assert "is inf at pixel (x 0, y 0); a colour is a number from 0 to 1e+09" in refused(sky_scene())
 
 
-@pytest.mark.parametrize("shape, right", [((8, 8), "8 x 4"), ((4, 9), "8 x 4"), ((2, 3), "4 x 2")])
+@pytest.mark.parametrize(
+    "shape, right", [((8, 8), "8 x 4"), ((4, 9), "8 x 4"), ((2, 3), "4 x 2"), ((1, 1), "2 x 1"), ((3, 3), "4 x 2")]
+)
 def test_a_map_that_is_not_twice_as_wide_as_high_is_refused(shape, right) -> None:
     write_exr(ROOM, np.ones((*shape, 3), np.float32))
     said = refused(sky_scene())
     assert f"has {shape[1]} x {shape[0]} pixels, and an equirectangular map is twice as wide as high; " in said
     assert said.endswith(f"convert it, to {right} for example")
+
+
+def test_maps_that_are_a_part_of_a_picture_or_have_no_colour_are_refused() -> None:
+    corners = {"dataWindow": ((0, 2), (7, 5)), "displayWindow": ((0, 0), (15, 7))}
+    windows = {key: tuple(np.array(x, np.int32) for x in window) for key, window in corners.items()}
+    OpenEXR.File({"type": OpenEXR.scanlineimage} | windows, {"RGB": np.ones((4, 8, 3), np.float32)}).write(ROOM)
+    assert refused(sky_scene()).endswith(
+        "has the data window [0, 2, 7, 5] in the display window [0, 0, 15, 7]; save the whole picture"
+    )
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"Z": np.ones((4, 8), np.float32)}).write(ROOM)
+    assert refused(sky_scene()).endswith("has no layer RGB but Z; save the colour as R, G and B")
 
 
 def flawed(tmp_path: Path, **fields: Any) -> list[str]:

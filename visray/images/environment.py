@@ -51,13 +51,13 @@ class Environment:
 def read_map(background: EnvironmentMap) -> np.ndarray:
     """Pixels of a map in linear light, as float32. Shape: (H, W, 3), the top row first.
 
-    Raises a UserError of one line if the file cannot be read, if it is not twice as wide as high, or if a pixel is
-    negative or not finite.
+    Raises a UserError of one line if the file cannot be read, if it is a part of a picture, if it is not twice as wide
+    as high, or if a pixel is negative or not finite.
     """
     pixels = read_image(background.file, "auto", ADDRESS, whole=True)
     height, width = pixels.shape[:2]
     if width != 2 * height:
-        right = f"{2 * height} x {height}" if width > height else f"{width} x {max(1, width // 2)}"
+        right = f"{2 * height} x {height}" if width > height else f"{width + width % 2} x {(width + 1) // 2}"
         problem = f"has {width} x {height} pixels, and an equirectangular map is twice as wide as high"
         raise UserError(f'{ADDRESS} = "{background.file}": {problem}; convert it, to {right} for example')
     return pixels

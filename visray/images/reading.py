@@ -43,7 +43,8 @@ def read_image(file: str, encoding: str, address: str, whole: bool = False) -> n
     encoding: encoding of the numbers in the file: `srgb`, `linear`, or `auto` (sRGB for PNG and JPEG, linear for EXR
         and HDR).
     address: address of the path in the scene, for error messages.
-    whole: whether negative numbers are errors, and pixels that are wrong are counted. Else negative numbers become 0.
+    whole: whether negative numbers are errors, pixels that are wrong are counted, and an EXR file that has a part of
+        its picture is refused. Else negative numbers become 0.
 
     Grey becomes three equal numbers. Alpha is removed. In EXR files the colour is premultiplied by alpha, so here it is
     divided by alpha. An EXR file without R, G and B is read if it has only one layer. Embedded colour profiles and the
@@ -108,6 +109,8 @@ def _linear_light(path: str, encoding: str, whole: bool) -> np.ndarray:
     if read is None:
         raise UserError("is not a PNG, JPEG, EXR or HDR picture; save it as one of them")
     try:
+        if whole and read is _exr:
+            _check_windows(path)
         return _converted(read(path), encoding, whole)
     except UserError:
         raise
@@ -175,7 +178,7 @@ def _exr(path: str) -> np.ndarray:
     layers, _ = read_exr(path)
     alpha = layers.pop("A", None)
     values = layers.get("RGB", next(iter(layers.values())) if len(layers) == 1 else None)
-    if values is None:
+    if values is None or [*layers] == ["Z"]:
         raise UserError(f"has no layer RGB but {', '.join(layers) or 'A'}; save the colour as R, G and B")
     values = values[..., None] if values.ndim == 2 else values
     if values.shape[2] == 4:
@@ -188,6 +191,14 @@ def _exr(path: str) -> np.ndarray:
         with np.errstate(over="ignore", invalid="ignore"):
             values = values / np.where(translucent, alpha, 1)[..., None]
     return values.astype(np.float32)
+
+
+def _check_windows(path: str) -> None:
+    """Raises UserError if the pixels of an EXR file are another rectangle than its picture."""
+    header = read_header(path)
+    if header is not None and header.data != header.display:
+        data, display = (f"[{', '.join(map(str, window))}]" for window in (header.data, header.display))
+        raise UserError(f"has the data window {data} in the display window {display}; save the whole picture")
 
 
 def _checked_light(light: np.ndarray, whole: bool) -> np.ndarray:

@@ -29,12 +29,15 @@ class ExrHeader:
 
     width, height: size in pixels.
     channels: number of channels.
+    data, display: the data window and the display window: left, top, right and bottom, the last two inclusive.
     missing: number of blocks that the file lacks; None if that is not known.
     """
 
     width: int
     height: int
     channels: int
+    data: tuple[int, int, int, int]
+    display: tuple[int, int, int, int]
     missing: int | None
 
     @property
@@ -51,7 +54,8 @@ def read_header(path: str | os.PathLike[str]) -> ExrHeader | None:
             if version & PARTS:
                 return None
             values = dict(_attributes(file))
-            left, top, right, bottom = struct.unpack("<4i", values[b"dataWindow"])
+            data = left, top, right, bottom = struct.unpack("<4i", values[b"dataWindow"])
+            display = struct.unpack("<4i", values.get(b"displayWindow", values[b"dataWindow"]))
             width, height = right - left + 1, bottom - top + 1
             if width < 1 or height < 1:
                 raise UserError("is damaged: its header states no size; save it anew")
@@ -59,7 +63,7 @@ def read_header(path: str | os.PathLike[str]) -> ExrHeader | None:
             missing = None if version & TILED else _missing(file, height, values[b"compression"])
     except (KeyError, struct.error, ValueError):
         raise UserError("is damaged: its header states no size; save it anew") from None
-    return ExrHeader(width, height, channels, missing)
+    return ExrHeader(width, height, channels, data, display, missing)
 
 
 def check_header(path: str | os.PathLike[str]) -> None:

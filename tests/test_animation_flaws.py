@@ -52,6 +52,14 @@ ONE_TRACK = {
         key_track("settings.sampler", "a", "b"),
         at('address = "settings.sampler"', f"is discrete (a word), {NUMBERS_ONLY}"),
     ),
+    "the size of frames": (
+        key_track("film.scale", 1, 2),
+        at('address = "film.scale"', "is the size of the picture, and all frames have one size; leave the track out"),
+    ),
+    "a name of a colour": (
+        key_track("materials.red.kd", [1, 0, 0], "lime"),
+        at('values.1 = "lime"', "must be a list of 3 numbers, like the value in the scene; this colour is [0, 1, 0]"),
+    ),
     "a material": (
         key_track("objects.ball.material", "a", "b"),
         at('address = "objects.ball.material"', f"{MATERIAL}, such as materials.red.kd"),

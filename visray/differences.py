@@ -40,6 +40,10 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
     """
     if isinstance(step, bool) or not isinstance(step, (int, float)) or not 0 < step < inf:
         raise UserError(f"step = {shown(step)}: must be a finite number above 0, such as 1e-6")
+    if address in ("film", "film.scale"):
+        raise UserError(
+            f"{address}: decides how many pixels there are, so the pictures cannot be subtracted; name another"
+        )
     scene = still_at(adjusted(scene, precision="double", spp=spp), None)
     value = addresses.value(scene, address)
     kd = canonical(address)

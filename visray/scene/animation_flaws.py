@@ -9,6 +9,7 @@ from visray.animation.animation import Track
 from visray.animation.between import between_flaws
 from visray.animation.curves import Sort, step_key
 from visray.animation.keys import KeysTrack
+from visray.colors import color_of_text
 from visray.data import dates
 from visray.errors import UserError
 from visray.scene.animation_targets import discrete, given_shape, shape, sort_of, still
@@ -20,6 +21,8 @@ from visray.scene.scene import Scene
 
 # What tracks cannot move: themselves, and what only pictures of several moments have.
 UNMOVED = ("animation", "camera.shutter")
+# The address of the size of frames. The number of their pixels is whole, but the factor is not.
+SIZE = "film.scale"
 # Function that returns the flaws of a scene as plain dicts (check.examined).
 Examine = Callable[[dict], tuple[Any, list[str]]]
 
@@ -69,6 +72,9 @@ def _target_flaws(scene: Scene, track: Track) -> Iterator[str]:
         if any(within(address, x) for x in UNMOVED):
             yield "tracks move what a picture of one moment shows, and this is no part of it; name another address"
             continue
+        if within(address, SIZE):
+            yield "is the size of the picture, and all frames have one size; leave the track out"
+            continue
         try:
             value = value_at(scene, address)
         except UserError as error:
@@ -112,7 +118,7 @@ def _form_flaw(sort: Sort, track: KeysTrack, i: int, current: Any) -> str | None
     """What is wrong with the form of the value of a key; None if it has that of the scene's own value, `current`."""
     value, first = track.values[i], track.values[0]
     if not _fits(sort, value, current):
-        return f"must be {_form(sort, current)}"
+        return f"must be {_form(sort, current)}{_meant_color(value, current)}"
     if sort == "date" and isinstance(value, str) != isinstance(first, str):
         return "must be a date like the first key, or a number like it"
     if sort == "steps" and _fits(sort, first, current) and _kinds(value) != _kinds(first):
@@ -150,6 +156,14 @@ def _form(sort: Sort, current: Any) -> str:
     size = shape(current)
     numbers = "a number" if not size else f"a list of {' x '.join(map(str, size))} numbers"
     return f"{numbers}, like the value in the scene"
+
+
+def _meant_color(value: Any, current: Any) -> str:
+    """The numbers of a colour that is given by its name, as words; empty for all other values."""
+    with suppress(ValueError):
+        if isinstance(value, str) and shape(current) == (3,):
+            return f"; this colour is [{', '.join(f'{x:.4g}' for x in color_of_text(value))}]"
+    return ""
 
 
 def _kinds(steps: tuple) -> list[str | None]:

@@ -90,6 +90,8 @@ def test_color_and_kd_are_one_too_many() -> None:
     assert line.endswith(": color sets kd; write only one of the two")
     with pytest.raises(UserError, match="color sets kd; write only one of the two"):
         vr.Material(color="red", kd=(0.5, 0.5, 0.5))
+    with pytest.raises(UserError, match=r"^Material: color sets kd; .*vr\.replaced does not"):
+        replace(vr.Material(color="red"), color="blue")
     assert examined({"materials": {"m": {"colour": "red"}}})[1][0].startswith(
         "materials.m.colour: unknown key; did you mean 'color'?"
     )
@@ -102,9 +104,9 @@ def test_an_assignment_lets_ka_follow_again() -> None:
         made = vr.replaced(BALL, *parse_assignment(f"materials.m.color={text}")).materials["m"]
         assert made == vr.Material(kd=TOMATO, ks=(0.5, 0.5, 0.5))
     assert vr.value(BALL, "materials.m.color") == (0.7, 0.7, 0.7)
-    one = vr.replaced(BALL, "materials.m.color.1", 0.25)
-    assert one.materials["m"].kd == (0.7, 0.25, 0.7) and one.materials["m"].ka is None
-    assert vr.value(one, "materials.m.color.1") == 0.25
+    right = r"write materials\.m\.color as a whole, or materials\.m\.kd\.1 in linear light"
+    with pytest.raises(UserError, match=rf"materials\.m\.color\.1 = 255: color has no numbers of its own; {right}"):
+        vr.replaced(BALL, "materials.m.color.1", 255)
     with pytest.raises(UserError, match=r"materials\.m\.kd has no '3'"):
         vr.value(BALL, "materials.m.color.3")
     prepared = vr.prepare(BALL).updated({"materials.n.color": "gold"})

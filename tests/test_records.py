@@ -131,6 +131,17 @@ def test_what_is_right_is_said():
         vr.Sphere(translate=(0, 1, 0))
 
 
+def test_truth_values_are_no_numbers_and_sets_have_no_order():
+    with pytest.raises(vr.UserError, match=r"^Sphere: radius = true: must be a number"):
+        vr.Sphere((0, 0, 0), np.bool_(True))
+    with pytest.raises(vr.UserError, match=r"^Sphere: center = .*: a set has no order; write a list or a tuple"):
+        vr.Sphere({3, 1, 2}, 1)
+    with pytest.raises(vr.UserError, match="is not a valid name"):
+        vr.Scene().with_object("a\n", vr.Sphere())
+    with pytest.raises(vr.UserError, match=r"^film\.scale: decides how many pixels there are"):
+        vr.difference(vr.Scene(), "film.scale")
+
+
 def test_the_documentation_lists_the_fields_by_place():
     page = (Path(__file__).resolve().parents[1] / "docs" / "python.md").read_text()
     table = {}

@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import PlainValidator, TypeAdapter, ValidationError, WrapValidator
 from typing_extensions import TypedDict
 
-from visray.errors import UserError
+from visray.errors import FieldError, UserError
 from visray.hints import hint
 from visray.operands import OperandsRule
 from visray.record_text import record_text
@@ -70,7 +70,12 @@ def record_kind(kind: type) -> type:
         if facts.has_more:
             inputs = {name: given.pop(name, None) for name in facts.inputs}
             own.update(given)
-            self.__post_init__(**inputs)
+            try:
+                self.__post_init__(**inputs)
+            except FieldError as error:
+                raise FieldError(
+                    f"{kind.__name__}: {error} (dataclasses.replace gives both, vr.replaced does not)"
+                ) from None
         else:
             own.update(given)
 
@@ -193,6 +198,11 @@ def _mended(kind: type, given: dict[str, Any]) -> dict[str, Any]:
     for name in given:
         if name not in facts.names:
             raise TypeError(f"{kind.__name__}() has no {name!r}; {_unknown(kind, name)}")
+    for name, value in given.items():
+        if isinstance(value, (set, frozenset)):
+            raise UserError(f"{kind.__name__}: {name} = {value!r}: a set has no order; write a list or a tuple")
+    # pydantic takes NumPy's truth values for numbers.
+    given = {name: bool(value) if isinstance(value, np.bool_) else value for name, value in given.items()}
     try:
         return facts.with_entries(given)
     except ValidationError as error:

@@ -89,7 +89,7 @@ class Buildable:
     def _with(self, section: str, name: str, entry: Any) -> Self:
         """The scene with one more entry."""
         method = "with_" + {"geometries": "geometry"}.get(section, section[:-1])
-        if not (isinstance(name, str) and re.match(NAME_PATTERN, name)):
+        if not (isinstance(name, str) and re.fullmatch(NAME_PATTERN, name)):
             rule = "a name is a text that is not empty, has no dot, and has no space at either end"
             raise UserError(printable(f"{method}: {name!r} is not a valid name; {rule}"))
         own, example = SECTIONS[section]

@@ -94,9 +94,10 @@ def edited(scene: Scene, assignments: Mapping[str, Any]) -> dict[str, Any]:
 def _with_color(raw: dict[str, Any], address: str, new: Any) -> dict[str, Any]:
     """The plain dicts with another colour of a material, whose ka follows then. address: one that COLOR matches"""
     owner, component = COLOR.fullmatch(address).groups()
-    raw = with_value(raw, [*owner.split("."), "ka"], None)
     if component:
-        return with_value(raw, canonical(address).split("."), new)
+        right = f"write {owner}.color as a whole, or {canonical(address)} in linear light"
+        raise UserError(printable(f"{address} = {shown(new)}: color has no numbers of its own; {right}"))
+    raw = with_value(raw, [*owner.split("."), "ka"], None)
     try:
         return with_value(raw, canonical(address).split("."), color_as_picked(new))
     except ValueError as error:

@@ -133,7 +133,8 @@ class Settings:
     local: weight of a transparent surface's own colour: 1 - kt (`weighted`), or 1 (`full`).
     area: points from which an area light shines. `samples`: the light of all its samples is averaged. `centre`: all
         light comes from its centre, and only the shadow is averaged over the samples, as in the original VisRayTrace.
-    accelerator: how rays find objects. The picture is bit for bit the same with each.
+    accelerator: how rays find objects. The picture is bit for bit the same with each, but for the last bit of coloured
+        shadows through several transparent objects.
     """
 
     __pydantic_config__ = STRICT

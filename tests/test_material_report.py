@@ -109,6 +109,7 @@ def test_shares_above_1_are_said_with_their_sum(fields: dict, says: str) -> None
         {"ka": (5.0, 5.0, 5.0)},
         {"color": "crimson", "ks": 0.5, "shininess": 80},
         {"kd": (0.8, 0.8, 0.8), "ks": (0.7, 0.7, 0.7)},
+        {"color": "wheat", "kr": 0.1},
     ],
 )
 def test_shares_of_1_and_usual_highlights_are_not(fields: dict) -> None:

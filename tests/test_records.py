@@ -14,6 +14,7 @@ from visray.pytree import mapped
 from visray.quantities import Arrays, quantities, record, stacked
 from visray.record_text import record_text
 from visray.scene import write
+from visray.scene.messages import line as line_of
 from visray.scene.scene import Scene
 
 # All classes whose records users make. `write.KINDS` has all kinds of the schema.
@@ -119,10 +120,15 @@ def test_what_is_right_is_said():
             lambda: vr.Csg("union", vr.Sphere()),
             'Csg: of = {"material": "default", "transform": [], "cut": null, "cu...: must be a list of objects',
         ),
+        (lambda: vr.Material(color=[1, 0.5, 0]), "Material: color = [1, 0.5, 0]: "),
         (lambda: vr.Rotate(float("nan")), "Rotate: rotate = NaN: must be finite"),
     ):
         with pytest.raises(vr.UserError, match="^" + re.escape(text)):
             make()
+    with pytest.raises(vr.UserError, match=r"write kd=\[1, 0.5, 0\]"):
+        vr.Material(color=[1, 0.5, 0])
+    with pytest.raises(TypeError, match="takes 1 value by place"):
+        vr.Scale(1, 2, 3)
     with pytest.raises(TypeError, match=r"a point or a colour is one value, as in \(0, 1, 0\)"):
         vr.PointLight(0, 1, 0)
     with pytest.raises(TypeError, match="did you mean 'center'"):
@@ -140,6 +146,19 @@ def test_truth_values_are_no_numbers_and_sets_have_no_order():
         vr.Scene().with_object("a\n", vr.Sphere())
     with pytest.raises(vr.UserError, match=r"^film\.scale: decides how many pixels there are"):
         vr.difference(vr.Scene(), "film.scale")
+
+
+def test_a_mesh_is_refused_where_it_is_made():
+    """Lists that are wrong together; a table in a message is no text."""
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    for vertices, faces, line in (
+        ([*corners[:2], [0, np.nan, 0]], [[0, 1, 2]], "vertices: vertex 2 is not finite; every coordinate must be"),
+        (corners, [[0, 1, 3]], "faces: face 0 names vertex 3; the vertices are 0 to 2"),
+    ):
+        with pytest.raises(vr.UserError, match=f"^Mesh: {line}"):
+            vr.Mesh(vertices=vertices, faces=faces)
+    mesh = vr.Mesh(vertices=corners, faces=[[0, 1, 2]])
+    assert line_of("objects.m.vertices", mesh.vertices, "is wrong") == "objects.m.vertices = 3 x 3 numbers: is wrong"
 
 
 def test_the_documentation_lists_the_fields_by_place():

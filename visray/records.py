@@ -78,6 +78,8 @@ def record_kind(kind: type) -> type:
                 ) from None
         else:
             own.update(given)
+        if facts.checks_itself and (flaws := self.flaws_of_values()):
+            raise UserError(*(f"{kind.__name__}: {name}: {flaw}" for name, flaw in flaws))
 
     kind.__init__ = __init__
     kind.__repr__ = record_text
@@ -103,6 +105,8 @@ class _Facts:
     defaults: values of all fields, in order; None for those without a default. made: functions that make the defaults
         of fields which have a new one each time.
     has_more: whether the kind has a method __post_init__
+    checks_itself: whether the kind has a method flaws_of_values: names of fields, and what is wrong with their values
+        together
     validate: function that returns the checked values of a dict of values
     with_entries: the same, for values among which there may be entries in place of their names
     """
@@ -114,6 +118,7 @@ class _Facts:
     defaults: dict[str, Any]
     made: dict[str, Callable[[], Any]]
     has_more: bool
+    checks_itself: bool
     validate: Callable[[dict], dict]
     with_entries: Callable[[dict], dict]
 
@@ -132,6 +137,7 @@ def _facts(kind: type) -> _Facts:
         {f.name: None if f.default is MISSING else f.default for f in declared},
         {f.name: f.default_factory for f in declared if f.default_factory is not MISSING},
         hasattr(kind, "__post_init__"),
+        hasattr(kind, "flaws_of_values"),
         _validator({f.name: _without_operands(f.type) for f in declared} | inputs),
         _validator({f.name: _given(f.type) for f in declared} | inputs),
     )
@@ -182,7 +188,8 @@ def _by_name(kind: type, args: tuple, given: dict[str, Any]) -> dict[str, Any]:
     """All values by name. args: those that are given by place. given: those that are given by name."""
     names = _facts(kind).by_place
     if len(args) > len(names):
-        places = f"{len(names)} values by place ({', '.join(names)})" if names else "no values by place"
+        plural = "s" * (len(names) > 1)
+        places = f"{len(names)} value{plural} by place ({', '.join(names)})" if names else "no values by place"
         more = "; a point or a colour is one value, as in (0, 1, 0)" if all(np.ndim(x) == 0 for x in args) else ""
         raise TypeError(f"{kind.__name__}() takes {places}, not {len(args)}{more}")
     placed = dict(zip(names, args))

@@ -178,6 +178,17 @@ class Mesh(Primitive):
             del _cache[next(iter(_cache))]
         return shape
 
+    def flaws_of_values(self) -> list[tuple[str, str]]:
+        """What is wrong with the lists `vertices` and `faces`, where Python makes the mesh: a field and a text."""
+        tables = self.vertices, self.faces
+        if self.file is not None or not all(isinstance(table, NumberTable) for table in tables):
+            return []
+        try:
+            from_arrays(*(table.values for table in tables))
+        except MeshError as error:
+            return [(error.field, str(error))]
+        return []
+
     def flaws(self) -> list[tuple[str, str]]:
         lists = {"vertices": self.vertices, "faces": self.faces}
         missing = [name for name, table in lists.items() if table is None]

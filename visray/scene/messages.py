@@ -5,6 +5,7 @@ keys.
 """
 
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, is_dataclass
 from itertools import islice
@@ -83,7 +84,14 @@ def record_lines(kind: type, error: ValidationError, given: dict[str, Any]) -> l
     given: the values by name.
     """
     given = plain(given)
-    return [printable(f"{kind.__name__}: {text}") for text in wrong_texts(given) or limited(lines(error, given, kind))]
+    texts = wrong_texts(given) or limited(lines(error, given, kind))
+    return [printable(f"{kind.__name__}: {_in_python(text)}") for text in texts]
+
+
+def _in_python(text: str) -> str:
+    """A message whose advice writes fields as Python does: kd=[1, 0, 0] in place of "kd": [1, 0, 0]."""
+    said, write, advice = text.partition("write ")
+    return said + write + re.sub(r'"(\w+)": (?=["\[])', r"\1=", advice)
 
 
 Words.lines = record_lines

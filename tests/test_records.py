@@ -140,6 +140,8 @@ def test_what_is_right_is_said():
 def test_truth_values_are_no_numbers_and_sets_have_no_order():
     with pytest.raises(vr.UserError, match=r"^Sphere: radius = true: must be a number"):
         vr.Sphere((0, 0, 0), np.bool_(True))
+    with pytest.raises(vr.UserError, match=r"^Sphere: center\.1 = true: must be a number"):
+        vr.Sphere((0, np.bool_(True), 0), 1)
     with pytest.raises(vr.UserError, match=r"^Sphere: center = .*: a set has no order; write a list or a tuple"):
         vr.Sphere({3, 1, 2}, 1)
     with pytest.raises(vr.UserError, match="is not a valid name"):

@@ -30,6 +30,9 @@ from visray.references import contains_entries, is_entry, reference_of
 # Types of values that are no Dr.Jit arrays. Others are looked at one by one.
 PLAIN = frozenset((float, int, str, bool, tuple, list, dict, type(None), np.ndarray))
 
+# Most numbers of a value that is looked at one by one, such as a point.
+LONGEST_POINT = 4
+
 
 class Words:
     """The words for errors. They are made above all kinds, by scene/messages.py, which sets `lines`.
@@ -52,7 +55,7 @@ def record_kind(kind: type) -> type:
             facts = _facts(kind)
         if args:
             given = _by_name(kind, args, given)
-        if PLAIN.issuperset(map(type, given.values())):
+        if PLAIN.issuperset(map(type, given.values())) and not any(map(_has_truths, given.values())):
             try:
                 given = facts.validate(given)
             except ValidationError:
@@ -209,7 +212,8 @@ def _mended(kind: type, given: dict[str, Any]) -> dict[str, Any]:
         if isinstance(value, (set, frozenset)):
             raise UserError(f"{kind.__name__}: {name} = {value!r}: a set has no order; write a list or a tuple")
     # pydantic takes NumPy's truth values for numbers.
-    given = {name: bool(value) if isinstance(value, np.bool_) else value for name, value in given.items()}
+    truths = {name for name, value in given.items() if isinstance(value, np.bool_) or _has_truths(value)}
+    given = {name: _python(value) if name in truths else value for name, value in given.items()}
     try:
         return facts.with_entries(given)
     except ValidationError as error:
@@ -219,6 +223,11 @@ def _mended(kind: type, given: dict[str, Any]) -> dict[str, Any]:
         return facts.with_entries(given)
     except ValidationError as error:
         raise UserError(*Words.lines(kind, error, given)) from None
+
+
+def _has_truths(value: Any) -> bool:
+    """Whether a short list or tuple has truth values of NumPy."""
+    return type(value) in (tuple, list) and len(value) <= LONGEST_POINT and np.bool_ in map(type, value)
 
 
 def _python(value: Any) -> Any:

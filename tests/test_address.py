@@ -126,7 +126,7 @@ def test_every_part_can_be_read_and_set(address: str, expected: object, text: st
         ("materials.plain.texture.scale", "materials.plain.texture is a single value; leave .scale out"),
         ("textures.tile.a", "textures has no 'tile'; did you mean \"tiles\"? (one of tiles, photo)"),
         ("lights.sun.position", "lights.sun has no 'position'; one of intensity, Ia, Id, Is, a, b, c, type, direction"),
-        ("materials.glass.Kt", "materials.glass has no 'Kt'; did you mean \"kt\"? (one of ka, "),
+        ("materials.glass.Kt", "materials.glass has no 'Kt'; did you mean \"kt\"? (one of color, ka, "),
     ],
 )
 def test_an_unknown_address_in_a_nested_part_lists_what_is_there(address: str, expected: str) -> None:

@@ -27,7 +27,7 @@ FAR = np.array(
 )
 GROUND = np.array([0.1, 0.075, 0.06])
 # Pixels over which the edge of a hill fades: where the map is seen enlarged, its pixels are not.
-SOFT = 2.5
+SOFT = 5.0
 
 
 def directions() -> np.ndarray:

@@ -134,7 +134,7 @@ def test_tables_with_other_cells_have_other_digests() -> None:
     [np.ones(3) * 1j, np.array(["2020-01-01"] * 3, "M8[D]"), np.array([b"1"] * 3), np.ones((3, 1)), {"a": 2}, 5],
 )
 def test_what_is_no_column_of_numbers_is_refused(value: object) -> None:
-    with pytest.raises(UserError, match=r"^data\.layers\.rain\.value = .*must be the name of a column"):
+    with pytest.raises(UserError, match=r"^DataLayer: value = .*must be the name of a column"):
         checked(scene(value=value))
 
 

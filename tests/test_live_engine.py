@@ -137,7 +137,7 @@ def test_refused_values_are_told_and_the_others_count():
         assert engine.told[-1][0].startswith("objects.ball.radius = -1")
         assert engine.edits == {}
         with engine._lock:
-            engine.assign({"objects.ball.radius": 0.5, "materials.red.kd": "red", "objects.ball.center.0": 0.25})
+            engine.assign({"objects.ball.radius": 0.5, "materials.red.kd": "redd", "objects.ball.center.0": 0.25})
         assert until(lambda: len(engine.edits) == 2)
         assert until(lambda: engine.told[-1][0].startswith("materials.red.kd"))
         assert engine.scene.objects["ball"].radius == 0.5

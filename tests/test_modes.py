@@ -10,9 +10,9 @@ from test_shading import BLACK, DARK, PRECISIONS, pixels, seen
 
 from visray.camera import Camera
 from visray.feature_rules import RULES
-from visray.features import features
+from visray.features import ON_EVERYWHERE, features
 from visray.geometry import gamma
-from visray.lights import DirectionalLight, PointLight, RectangleLight, SphereLight
+from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight
 from visray.materials import Material
 from visray.modes import MODES, STEPS
 from visray.primitives import Plane, Rectangle, Sphere
@@ -187,7 +187,11 @@ GLOSSY = Material(kd=(0.5, 0.4, 0.3), ks=(0.3, 0.3, 0.3), shininess=7.5, kr=(0.2
 RICH = Scene(
     camera=Camera(origin=(0.5, 2, 6), target=(0, 0.5, 0)),
     film=Film(width=12, height=8),
-    materials={"m": GLOSSY, "f": Material(texture="c"), "u": Material(shading="unlit", back="f")},
+    materials={
+        "m": replace(GLOSSY, fresnel="dielectric", absorption=(0.1, 0.2, 0.3)),
+        "f": Material(texture="c", emission=(0.1, 0.1, 0.1)),
+        "u": Material(shading="unlit", back="f"),
+    },
     textures={"c": CheckerTexture()},
     objects={
         "floor": Plane(material="f"),
@@ -195,7 +199,7 @@ RICH = Scene(
         "b": Sphere(center=(1, 0, 1), material="m"),
         "sign": Sphere(center=(-2, 0, 1), radius=0.3, material="u"),
     },
-    lights=LIGHTS,
+    lights=LIGHTS | {"lamp": DiskLight(position=(0, 4, 0), visible=True)},
     settings=Settings(spp=1, occlusion=Occlusion(sky=2, near=2), scatter=Scatter(rays=1)),
 )
 
@@ -207,7 +211,7 @@ def in_mode(scene: Scene, shading: str) -> Scene:
 @pytest.mark.parametrize("shading", UNLIT)
 def test_modes_without_light_say_so(shading: str) -> None:
     """Everything that light goes through is off, even where it is forced or a derivative by it is asked for."""
-    kept = {"two-sided", "textures", "bilinear", "defocus", "background", "coverage"}
+    kept = {*ON_EVERYWHERE}
     lit = {f.name: f.on for f in features(RICH).listed}
     assert all(on for name, on in lit.items() if name not in kept)
     for more in ({}, {"everything": True}, {"wrt": ("lights.key.Id", "materials.m.kr", "ambient")}):

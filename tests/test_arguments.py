@@ -101,7 +101,7 @@ def test_odd_values_in_scenes():
     """Every section and every setting of a scene, from Python."""
     for name in vr.Scene.__dataclass_fields__:
         for odd in [*ODD, {"a": object()}, {1: vr.Sphere()}, {None: 1}, {"a": vr.Scene}]:
-            refuses_or_begins(vr.explain, {"scene": vr.Scene(**{name: odd})})
+            refuses_or_begins(lambda name=name, odd=odd: vr.explain(vr.Scene(**{name: odd})), {})
     for name in vr.Settings.__dataclass_fields__:
         for odd in ODD:
             refuses_or_begins(

@@ -218,7 +218,10 @@ def test_a_movie_comes_at_once_or_from_the_saved_scene(table, capsys):
 def test_wrong_animations_are_refused_in_one_line(words, arguments, text, table, capsys):
     assert main(["data", table, *words]) == 2
     [line] = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"visray: --{text}".replace("with animate", "with --animate").split(" time_column=")[0])
+    said = f"visray: --{text}".replace("with animate", "with --animate").split(" time_column=")[0]
+    if "nan" in words:  # which the command does not take for a number
+        said = "visray: --animate = 'nan': must be a time, such as 20 or 20s"
+    assert line.startswith(said)
     column = {"time_column": "month"} if "--time-column" in words else {}
     with pytest.raises(UserError) as error:
         vr.data_scene(TABLE, **arguments, **column)

@@ -22,15 +22,14 @@ def sponge(levels: int) -> vr.Csg:
 scene = vr.Scene(
     camera=vr.Camera(origin=(2.2, 1.7, 3.0), target=(0, -0.03, 0), fov=25),
     film=vr.Film(width=480, height=360),
-    background=(0.5, 0.6, 0.7),
-    ambient=1.0,
+    background=(0.5, 0.6, 0.7), ambient=1.0,
     materials={
         "clay": vr.Material(ka=(0.2, 0.08, 0.05), kd=(0.75, 0.3, 0.2)),
         "sand": vr.Material(ka=(0.3, 0.2, 0.08), kd=(0.9, 0.75, 0.45)),
     },
     lights={"sun": vr.DirectionalLight(direction=(-0.4, -1, -0.7))},
     objects={"sponge": sponge(LEVELS)},
-)
+)  # fmt: skip
 vr.render(scene, spp=9, progress=False).write("sponge.png")
 
 # Seen straight from the front, each level leaves 8 of 9 squares.

@@ -17,6 +17,7 @@ from visray.camera import Camera
 from visray.environment_map import EnvironmentMap
 from visray.feature_rules import RULES
 from visray.features import features
+from visray.filters import TentFilter
 from visray.gradients import gradient
 from visray.images import environment
 from visray.images import lookup as texturing
@@ -135,12 +136,13 @@ GLOBE = SphereLight(position=(-3, 4, 3), radius=0.5, samples=3)
 # Every effect but coverage, on top of those that the full scene has.
 ALL = both(
     GLASS,
-    material("gloss", kr=(0.3, 0.2, 0.1), fresnel="dielectric", absorption=(0.3, 0.1, 0.2)),
+    material("gloss", kr=(0.3, 0.2, 0.1), fresnel="dielectric", absorption=(0.3, 0.1, 0.2), emission=(0.1, 0.2, 0.1)),
     whole(background=EnvironmentMap(ROOM, rotation=40.0, intensity=0.5)),
     painted("wall", ImageTexture(file=DOTS)),
-    lambda s: replace(s, lights=s.lights | {"panel": PANEL}),
+    lambda s: replace(s, lights=s.lights | {"panel": replace(PANEL, visible=True)}),
     settings(occlusion=Occlusion(sky=3, near=2), scatter=Scatter(rays=2, depth=2)),
     lens(0.2),
+    film(filter=TentFilter()),
     lambda s: replace(s, materials=s.materials | {"lamp": Material(kd=(2.0, 1.5, 1.0), shading="unlit", back="wall")}),
     lambda s: replace(s, objects=s.objects | {"leaf": replace(FULL.objects["leaf"], material="lamp")}),
 )
@@ -273,6 +275,8 @@ CASES = {
     "nearest": (painted("wall", ImageTexture(file=DOTS, filter="nearest")), "bilinear", False,
                 "no texture blends its pixels"),
     "lens": (lens(0.3), "defocus", True, "needed by camera.aperture"),
+    "tent": (film(filter=TentFilter()), "filter", True, "needed by film.filter"),
+    "square": (whole(), "filter", False, "film.filter is a box of radius 0.5: a pixel is the light on its square"),
     "pinhole": (whole(), "defocus", False, "camera.aperture is 0"),
     "all": (ALL, "refraction", True, "needed by materials.gloss"),
     "normals": (both(ALL, settings(shading="normal")), "diffuse", False, "settings.shading is normal"),
@@ -415,12 +419,15 @@ STEPS = {
                    material("one", "two", kt=(0.5, 0.7, 0.9), absorption=(0.1, 0.2, 0.3))),
     "scatter": (whole(), settings(scatter=Scatter(rays=2, depth=2))),
     "unlit": (whole(), material("one", shading="unlit")),
+    "emission": (whole(), material("one", emission=(0.1, 0.2, 0.3))),
+    "visible lights": (lit_by(key=PANEL), lit_by(key=replace(PANEL, visible=True))),
     "two-sided": (whole(), material("one", back="two")),
     "textures": (whole(), painted("one", CheckerTexture())),
     "bilinear": (painted("one", ImageTexture(file=DOTS, filter="nearest")), painted("one", ImageTexture(file=DOTS))),
     "defocus": (whole(), lens(0.2)),
     "background": (whole(), whole(background=(0.1, 0.2, 0.3))),
     "environment map": (whole(background=(0.1, 0.2, 0.3)), whole(background=EnvironmentMap(ROOM))),
+    "filter": (whole(), film(filter=TentFilter())),
     "coverage": (whole(), film(transparent=True)),
 }  # fmt: skip
 

@@ -817,7 +817,11 @@ def test_an_unknown_material_is_named_with_those_there_are(tmp_path: Path) -> No
     assert errors(tmp_path, content) == [
         'objects.a.material = "gld": unknown material; did you mean "gold"? (one of gold, red, default)'
     ]
-    assert wrong(tmp_path, material="red") == ['objects.ball.material = "red": unknown material; one of default']
+    assert wrong(tmp_path, material="rod") == ['objects.ball.material = "rod": unknown material; one of default']
+    # A colour in place of a material is answered with where it belongs.
+    assert wrong(tmp_path, material="red") == [
+        'objects.ball.material = "red": unknown material; write {"color": "red"} under materials, and its name here'
+    ]
 
 
 def test_flaws_of_the_kinds_themselves() -> None:

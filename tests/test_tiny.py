@@ -12,6 +12,7 @@ PAINT = vr.Material(ka=(0.2, 0.1, 0.0), kd=(0.5, 0.4, 0.3), ks=(0, 0, 0))
 SCENE = vr.Scene(
     camera=vr.Camera(origin=(0, 0, 5), target=(0, 0, 0), fov=30),
     film=vr.Film(width=31, height=21),
+    ambient=(1.0, 0.5, 0.25),
     lights={"sun": vr.DirectionalLight(direction=(-3, 0, -4))},
     materials={"paint": PAINT},
     objects={"ball": vr.Sphere(radius=1, material="paint")},
@@ -27,7 +28,7 @@ def image() -> vr.Image:
 def test_the_middle_of_the_ball_has_the_colour_of_the_closed_form(image):
     """Ambient plus kd n.l. The normal at the middle is +z and l is (3, 0, 4)/5, so n.l = 4/5; across a pixel of a ball
     n.l changes by less than the pixel's width over the radius, 0.13."""
-    colour = np.array(PAINT.ka) + np.array(PAINT.kd) * 4 / 5
+    colour = np.array(SCENE.ambient) * PAINT.ka + np.array(PAINT.kd) * 4 / 5
     assert np.allclose(image["RGB"][10, 15], colour, atol=0.13 * max(PAINT.kd))
     assert image["id"][10, 15] == 1 and image["id"][0, 0] == 0 and image["N"][10, 15, 2] == 1
 

@@ -196,5 +196,5 @@ def test_launches_carry_adjoints() -> None:
 def test_a_picture_that_depends_on_nothing_has_the_gradient_0() -> None:
     scene = vr.replaced(ROOM, "materials.floor.kr", (0.0, 0.0, 0.0))
     unused = replace(scene, materials=scene.materials | {"unused": vr.Material()})
-    assert np.array_equal(vr.gradient(unused, ["materials.unused.ka"])["materials.unused.ka"], np.zeros(3))
+    assert np.array_equal(vr.gradient(unused, ["materials.unused.kd"])["materials.unused.kd"], np.zeros(3))
     assert attached_picture.Sweeps is not None

@@ -10,6 +10,7 @@ included, and where growing turns a hit into a miss the exact answer is within r
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from exact_surfaces import Piece
 from visray.accel.origin import Geometry
 from visray.accel.ray_segment import RaySegment, length_inside, occludes
 from visray.camera import Camera
+from visray.errors import UserError
 from visray.geometry import gamma
 from visray.interaction import surface_of
 from visray.primitives import (
@@ -924,9 +926,11 @@ def stretched(rng: np.random.Generator, thing: Any) -> Any:
 
 
 def instances(name: str, seed: int, count: int, moved: bool, decades: float = 4) -> list:
-    """`count` instances of a kind whose sizes span 10^-decades to 10^decades."""
-    rng = np.random.default_rng(seed)
-    things = [SAMPLES[name].random(rng, 10 ** rng.uniform(-decades, decades)) for _ in range(count)]
+    """`count` instances of a kind whose sizes span 10^-decades to 10^decades, of those that a scene may have."""
+    rng, things = np.random.default_rng(seed), []
+    while len(things) < count:
+        with suppress(UserError):  # farther away than scenes reach
+            things.append(SAMPLES[name].random(rng, 10 ** rng.uniform(-decades, decades)))
     return [stretched(rng, x) for x in things] if moved else things
 
 

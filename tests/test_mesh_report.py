@@ -88,7 +88,7 @@ def said(tmp_path: Path, capsys: pytest.CaptureFixture, fields: dict, *command: 
         ({}, None, "file = null: is missing; give a file, or vertices and faces"),
         ({"faces": [[0, 1, 2]]}, None, "vertices = null: is missing; give vertices and faces"),
         ({"vertices": CORNERS}, None, "faces = null: is missing; give vertices and faces"),
-        ({"vertices": CORNERS, "faces": [[0, 1, 3]]}, None, 'faces = "1 x 3 numbers": face 0 names vertex 3; the vert'),
+        ({"vertices": CORNERS, "faces": [[0, 1, 3]]}, None, "faces = 1 x 3 numbers: face 0 names vertex 3; the vert"),
         ({"vertices": CORNERS, "faces": [[0, 1, -1]]}, None, "faces = [[0, 1, -1]]: must be a list of rows of 3 whole"),
         ({"vertices": [[0, 0], [1, 0], [0, 1]], "faces": [[0, 1, 2]]}, None, "vertices = [[0, 0], [1, 0], [0, 1]]: mu"),
         ({"vertices": CORNERS, "faces": [[0, 1, 2]], "part": "a"}, None, 'part = "a": only a file has parts; leave it'),

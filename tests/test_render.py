@@ -423,6 +423,7 @@ def test_transparent_film_keeps_coverage_and_premultiplied_colour() -> None:
     glow = {"m": Material(ka=(1, 0.5, 0.25), kd=BLACK)}
     scene = Scene(
         camera=camera, film=Film(width=3, height=1, transparent=True), materials=glow, background=(9.0, 9.0, 9.0),
+        ambient=(1.0, 1.0, 1.0),
         objects={"wall": replace(wall, material="m")}, settings=Settings(spp=64), lights={},
     )  # fmt: skip
     image = render(scene, progress=False)
@@ -445,7 +446,9 @@ def test_scene_without_objects_is_its_sky() -> None:
 def test_scene_without_lights_is_ambient() -> None:
     scene = replace(SHOW, lights={}, objects={"ball": Sphere(material="red", radius=3.0)}, ambient=(1.0, 0.5, 0.25))
     found = picture(replace(scene, camera=Camera(origin=(0, 0, 8), fov=20.0)))
-    assert (np.abs(found - np.array([0.1, 0.05, 0.025])) <= gamma(4, "single") * 0.1).all()
+    # The material has no ka, so that it reflects ambient light by its kd.
+    expected = np.multiply(scene.ambient, SHOW.materials["red"].kd)
+    assert SHOW.materials["red"].ka is None and (np.abs(found - expected) <= gamma(4, "single") * expected).all()
 
 
 def test_the_same_seed_gives_the_same_picture_and_another_one_another() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from visray import clock
 from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
+from visray.camera import Camera
 from visray.errors import UserError
 from visray.geometry import face_forward
 from visray.interaction import surface_of
@@ -82,7 +83,8 @@ class PrimitiveSolver:
     """
 
     def __init__(self, primitive: Primitive, far: float):
-        prepared = prepare(Scene(objects={"surface": primitive}, settings=Settings(precision="double")))
+        settings = Settings(precision="double")
+        prepared = prepare(Scene(camera=Camera(), lights={}, objects={"surface": primitive}, settings=settings))
         self.a, self.kernel, self.far = prepared.a, prepared.kernel, far
 
     def triples(self, v: np.ndarray) -> Any:

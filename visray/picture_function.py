@@ -3,7 +3,7 @@
 An address is the dotted name of a value in a scene, such as `objects.ball.radius` (scene/address.py).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import drjit as dr
@@ -77,8 +77,7 @@ class PictureFunction:
         if pictures:
             return pictures.pop()(function, values)
         if any(map(dr.is_array_v, values)):
-            tensors = (function.tensor(i, v) for i, v in enumerate(values))
-            return function.of_tensors(*tensors, double=_has_double(filter(dr.is_array_v, values)))
+            return function._of_arrays(values)
         return function.traced([function.numbers(i, v) for i, v in enumerate(values)]).image
 
     def _with_seed(self, seed: int) -> "PictureFunction":
@@ -105,7 +104,7 @@ class PictureFunction:
     def tensor(self, i: int, value: Any) -> Any:
         """The value number i as a tensor of Dr.Jit, with derivatives if the value has them."""
         if not dr.is_array_v(value):
-            return self._put(self.numbers(i, value))
+            return of_kind(dr.tensor_t(self.a.D), self.numbers(i, value))
         if not dr.is_tensor_v(value):
             flat, shape = dr.ravel(value), self.shapes[i]
             if len(shape) > 1 or dr.width(flat) != int(np.prod(shape)):
@@ -114,20 +113,15 @@ class PictureFunction:
         self.check_shape(i, value.shape)
         return value
 
-    def _put(self, numbers: np.ndarray) -> Any:
-        """A tensor with these numbers, in double."""
-        return of_kind(dr.tensor_t(self.a.D), numbers)
-
-    def of_tensors(self, *tensors: Any, double: bool | None = None) -> Any:
-        """The picture as a tensor of Dr.Jit, with derivatives by those tensors that have them.
-
-        double: whether the picture has double precision, not single; None: if a tensor has
-        """
-        double = _has_double(tensors) if double is None else double
+    def _of_arrays(self, values: Sequence[Any]) -> Any:
+        """The picture as a tensor of Dr.Jit, with derivatives by those values that have them. It has double precision
+        if an array of Dr.Jit among the values has, else single."""
+        double = any(dr.is_array_v(v) and dr.type_v(v) == dr.VarType.Float64 for v in values)
+        tensors = [self.tensor(i, v) for i, v in enumerate(values)]
+        numbers = [np.array(dr.detach(x), float).reshape(shape) for x, shape in zip(tensors, self.shapes)]
         kind = dr.tensor_t(self.a.D if double else self.a.F32)
-        values = [np.array(dr.detach(x), float).reshape(shape) for x, shape in zip(tensors, self.shapes)]
-        # Here, because Dr.Jit would hide an error of the user's in one of its own.
-        return dr.custom(PictureOperation, self, values, self.traced(values), kind, list(tensors))
+        # Traced here, because Dr.Jit would hide an error of the user's in one of its own.
+        return dr.custom(PictureOperation, self, numbers, self.traced(numbers), kind, tensors)
 
     def traced(self, values: Sequence[np.ndarray]) -> TracedPicture:
         """The picture with these numbers, traced for reverse mode."""
@@ -157,11 +151,6 @@ class PictureFunction:
         images[:, derivatives.prepared.order] = np.stack(pictures).swapaxes(1, 2)
         image, tangent = images.reshape(2, *self.shape)
         return TracedPicture(derivatives, traced, image), tangent
-
-
-def _has_double(arrays: Iterable[Any]) -> bool:
-    """Whether one of some arrays of Dr.Jit has double precision."""
-    return any(dr.type_v(x) == dr.VarType.Float64 for x in arrays)
 
 
 def _plain(value: np.ndarray) -> Any:

@@ -5,6 +5,7 @@ the rows of a Jacobian. So the bridge here is PyTorch's own.
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -33,13 +34,21 @@ def picture(function: Any, values: Sequence[Any]) -> Any:
             raise UserError(f"{function.addresses[i]}: the tensor has complex numbers; give real ones")
         function.check_shape(i, tuple(value.shape))
         tensors.append(value.to(kind))
+    return _operation().apply(function, kind, *tensors)
+
+
+@cache
+def _operation() -> Any:
+    """The class of the operation of PyTorch that makes pictures. It is made once, when PyTorch is first needed."""
+    import torch
 
     class Picture(torch.autograd.Function):
-        """The picture as an operation of PyTorch."""
+        """A picture of numbers as an operation of PyTorch."""
 
         @staticmethod
-        def forward(ctx: Any, *numbers: Any) -> Any:
-            """The picture."""
+        def forward(ctx: Any, function: Any, kind: Any, *numbers: Any) -> Any:
+            """The picture of a PictureFunction. kind: type of its numbers"""
+            ctx.function, ctx.kind = function, kind
             ctx.numbers = [x.detach().numpy().astype(float) for x in numbers]
             ctx.traced = function.traced(ctx.numbers)
             return torch.from_numpy(ctx.traced.image).to(kind)
@@ -47,9 +56,10 @@ def picture(function: Any, values: Sequence[Any]) -> Any:
         @staticmethod
         @torch.autograd.function.once_differentiable
         def backward(ctx: Any, adjoint: Any) -> tuple:
-            """The derivatives of a loss by the values. adjoint: the derivative by the picture"""
+            """The derivatives of a loss by the numbers. adjoint: the derivative by the picture"""
             # A traced picture serves once.
-            traced, ctx.traced = ctx.traced or function.traced(ctx.numbers), None
-            return tuple(torch.from_numpy(x).to(kind) for x in traced.pull(adjoint.numpy().astype(float)))
+            traced, ctx.traced = ctx.traced or ctx.function.traced(ctx.numbers), None
+            slopes = traced.pull(adjoint.numpy().astype(float))
+            return None, None, *(torch.from_numpy(x).to(ctx.kind) for x in slopes)
 
-    return Picture.apply(*tensors)
+    return Picture

@@ -3,8 +3,9 @@
 The picture with all effects (the full picture) is compared with the picture without the effect.
 
 If an effect is left out, the effects that only refine it (`Rule.needs`) are left out too. Area lights are replaced by
-point lights in their middles. The pictures are small (LONGEST_SIDE, RENDER_SECONDS), and each is rendered by one kernel
-in one pass. Three numbers of each kernel are measured:
+point lights in their middles, which are not seen, so the cost of area lights contains that of visible ones. The
+pictures are small (LONGEST_SIDE, RENDER_SECONDS), and each is rendered by one kernel in one pass. Three numbers of each
+kernel are measured:
 
 Operations: their number, as Dr.Jit counts them.
 

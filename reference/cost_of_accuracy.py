@@ -34,7 +34,7 @@ def priced(h: Price) -> dict:
     """A price as JSON has it: null where the error was not reached."""
     known = h.factor.middle < float("inf")
     return {
-        "knob": h.knob,
+        "setting": h.setting,
         "factor": h.factor.middle if known else None,
         "low": h.factor.low if known else None,
         "high": h.factor.high if known and h.factor.high < float("inf") else None,
@@ -46,8 +46,8 @@ def priced(h: Price) -> dict:
 def row(title: str, report: Report, others: list[str]) -> dict:
     """The numbers of a study that docs/accuracy.md shows. others: the advice of quick studies."""
     d = report.default
-    slopes = {c.knob: c.by_count for c in report.curves if c.by_count is not None}
-    by_time = {c.knob: c.by_time for c in report.curves if c.by_time is not None}
+    slopes = {c.setting: c.by_count for c in report.curves if c.by_count is not None}
+    by_time = {c.setting: c.by_time for c in report.curves if c.by_time is not None}
     return {
         "title": title,
         "size": [report.width, report.height],
@@ -64,7 +64,7 @@ def row(title: str, report: Report, others: list[str]) -> dict:
         "by_count": {k: [s.k, s.low, s.high] for k, s in slopes.items()},
         "by_time": {k: [s.k, s.low, s.high] for k, s in by_time.items()},
         "steps": {
-            f"{c.knob}: {p.value}": [p.seconds.middle / d.seconds.middle, p.error.rmse.middle / d.error.rmse.middle]
+            f"{c.setting}: {p.value}": [p.seconds.middle / d.seconds.middle, p.error.rmse.middle / d.error.rmse.middle]
             for c in report.curves if c.kind == "step" for p in c.points if p.settings != d.settings
         },
         "floors": report.floors,
@@ -76,7 +76,7 @@ def drawn(reports: dict[str, Report], path: Path) -> None:
     """The three log-log figures side by side: a curve for each setting, the frontier, the scene as it is, 8 bits."""
     figure = Figure(figsize=(13, 5.2), layout="constrained")
     axes = figure.subplots(1, len(reports))
-    knobs = list(dict.fromkeys(c.knob for r in reports.values() for c in r.curves if c.kind != "step"))
+    names = list(dict.fromkeys(c.setting for r in reports.values() for c in r.curves if c.kind != "step"))
     for ax, (title, report) in zip(axes, reports.items()):
         front = [(p.seconds.middle, p.error.rmse.middle) for p in report.frontier]
         ax.step(*zip(*front), where="post", color="#F0E442", linewidth=7, label="frontier", zorder=1)
@@ -86,10 +86,10 @@ def drawn(reports: dict[str, Report], path: Path) -> None:
             x, y = ([p.seconds.middle for p in c.points], [p.error.rmse for p in c.points])
             off = [[b.middle - b.low for b in y], [b.high - b.middle for b in y]]
             style = {
-                "color": COLOURS[knobs.index(c.knob) % len(COLOURS)],
-                "marker": "os^Dvp*h"[knobs.index(c.knob) % 8],
+                "color": COLOURS[names.index(c.setting) % len(COLOURS)],
+                "marker": "os^Dvp*h"[names.index(c.setting) % 8],
             }
-            ax.errorbar(x, [b.middle for b in y], off, markersize=5, linewidth=1.5, label=c.knob, **style)
+            ax.errorbar(x, [b.middle for b in y], off, markersize=5, linewidth=1.5, label=c.setting, **style)
         if report.joint:
             x, y = zip(*((p.seconds.middle, p.error.rmse.middle) for p in report.joint))
             ax.plot(x, y, "x", color="black", markersize=7, label="together")

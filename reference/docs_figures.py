@@ -425,9 +425,9 @@ def cost() -> list[str]:
         shown = (f"{k:.2f} ± {(high - low) / 2:.2f}" for k, low, high in exponents)
         slopes.append([r["title"], f"{100 * r['error']:.2g} %", f"{1e3 * r['seconds']:.0f}", *shown])
         for h in r["halvings"]:
-            knob, comma, sampler = h["knob"].partition(", ")
-            knob = f"{samplers[sampler]} {knob}" if comma else knob
-            prices.append([r["title"], knob, _factor(h)])
+            setting, comma, sampler = h["setting"].partition(", ")
+            setting = f"{samplers[sampler]} {setting}" if comma else setting
+            prices.append([r["title"], setting, _factor(h)])
     heads = ["scene", "error now", "time now, ms", *(f"k, {name}" for name in samplers.values())]
     return [
         "![Error against seconds for three scenes, both logarithmic: a curve for each setting, their frontier, "

@@ -48,7 +48,7 @@ from visray.passes import empty_film, exposed_once, spread_lanes
 from visray.progress import Interrupts
 from visray.scene.load import checked
 from visray.setup import Prepared, prepare
-from visray.study.cost.knobs import default, knobs
+from visray.study.cost.choices import default, varied_settings
 from visray.study.cost.measuring import TURNS, Studio
 from visray.study.cost.on_workers import measured_on
 
@@ -408,7 +408,7 @@ def test_motion_blur_and_a_checkpoint_on_workers(workers: Any, tmp_path: Path) -
 @SLOW
 def test_a_study_on_workers_has_the_pictures_of_one_process(workers: Any) -> None:
     scene = scene_of("box.json", 24, 18, 4)
-    by_name = {knob.name: knob for knob in knobs(scene)}
+    by_name = {s.name: s for s in varied_settings(scene)}
     choices = [default(scene, list(by_name.values())), *by_name["precision"].few, *by_name["samples, sobol"].few[:2]]
     with connecting.connected(workers.address) as crew:
         here, there = (

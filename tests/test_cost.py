@@ -1,4 +1,4 @@
-"""What accuracy costs: a scene's own knobs, pictures by turns, a finer truth, and a report that holds together."""
+"""What accuracy costs: the varied settings, pictures by turns, a finer truth, and a report that holds together."""
 
 import csv
 import json
@@ -29,7 +29,7 @@ from visray.scene.address import changed
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
 from visray.study.cost import measuring, study, truth
 from visray.study.cost.advice import advice, label
-from visray.study.cost.knobs import FACTORS, MORE, SAMPLERS, SAMPLES, default, knobs
+from visray.study.cost.choices import FACTORS, MORE, SAMPLERS, SAMPLES, default, varied_settings
 from visray.study.cost.measuring import LONGEST, SMALLEST, TURNS, Studio, band, reduced
 from visray.study.cost.records import Band, Price, Reference, Report, Slope
 from visray.study.cost.report import STOPPED, as_csv, as_json, table
@@ -67,12 +67,12 @@ def report() -> Report:
 
 
 def names(scene: Scene) -> list[str]:
-    return [k.name for k in knobs(scene)]
+    return [s.name for s in varied_settings(scene)]
 
 
 def addresses(name: str, scene: Scene) -> set[str]:
-    (knob,) = (k for k in knobs(scene) if k.name == name)
-    return {a for c in knob.all for a in c.settings}
+    (setting,) = (s for s in varied_settings(scene) if s.name == name)
+    return {a for c in setting.all for a in c.settings}
 
 
 @pytest.mark.parametrize(
@@ -88,11 +88,11 @@ def addresses(name: str, scene: Scene) -> set[str]:
         ("everything", ["light samples", "sky rays", "near rays", "scatter rays", "depth", "texture filter"]),
     ],
 )
-def test_the_knobs_of_a_scene_are_those_of_its_effects(file: str, more: list[str]) -> None:
+def test_the_varied_settings_of_a_scene_are_those_of_its_effects(file: str, more: list[str]) -> None:
     assert sorted(names(load(SCENES / f"{file}.json"))) == sorted([*ALWAYS, *more])
 
 
-def test_a_knob_is_there_where_its_effect_is_on_and_not_else() -> None:
+def test_a_setting_is_varied_where_its_effect_is_on_and_not_else() -> None:
     assert names(replace(SOFT, lights={"lamp": PointLight(position=(2, 4, 2))})) == ALWAYS
     assert names(replace(SOFT, objects={})) == ALWAYS[:-1]
     shiny = {"default": Material(ka=(0.2, 0.2, 0.2), kr=(0.5, 0.5, 0.5))}
@@ -116,24 +116,24 @@ def test_a_knob_is_there_where_its_effect_is_on_and_not_else() -> None:
 @pytest.mark.parametrize("file", ["penumbra", "heart", "nested-glass", "everything"])
 def test_the_scene_itself_is_on_every_ladder(file: str, quick: bool) -> None:
     scene = load(SCENES / f"{file}.json")
-    turned = knobs(scene)
-    base = default(scene, turned)
-    for knob in turned:
-        own = [c for c in knob.choices(quick) if c.own]
-        other_sampler = knob.name.startswith("samples") and knob.name != f"samples, {scene.settings.sampler}"
+    varied = varied_settings(scene)
+    base = default(scene, varied)
+    for setting in varied:
+        own = [c for c in setting.choices(quick) if c.own]
+        other_sampler = setting.name.startswith("samples") and setting.name != f"samples, {scene.settings.sampler}"
         assert len(own) == (0 if other_sampler else 1)
-        values = [c.value for c in knob.choices(quick)]
+        values = [c.value for c in setting.choices(quick)]
         assert len(set(values)) == len(values) >= 2
-        if knob.kind == "sampling":
+        if setting.kind == "sampling":
             assert values == sorted(values)
-        for c in knob.choices(quick):
+        for c in setting.choices(quick):
             assert set(c.settings) <= set(base.settings)
             assert changed(scene, base.settings | c.settings).hash() == c.of(scene).hash()
             assert (c.of(scene).hash() == scene.hash()) == c.own
 
 
 def test_ladders() -> None:
-    by = {k.name: k for k in knobs(SOFT)}
+    by = {s.name: s for s in varied_settings(SOFT)}
     assert [c.value for c in by["samples, independent"].few] == list(SAMPLES[0])
     own = {*SAMPLES[1], SOFT.settings.spp, MORE * SOFT.settings.spp}
     assert [c.value for c in by["samples, stratified"].all] == sorted(own)
@@ -151,7 +151,7 @@ def test_a_band_is_of_the_median_by_the_sign_test() -> None:
 
 def test_a_picture_is_that_of_a_render_with_its_seed() -> None:
     studio = Studio(SOFT, list(range(11, 27)), Interrupts())
-    (taken,) = studio.prepared([default(SOFT, knobs(SOFT))])
+    (taken,) = studio.prepared([default(SOFT, varied_settings(SOFT))])
     assert studio.measure([taken]) == len(taken.pictures) == 16 and len(taken.times) == TURNS
     for i in (0, 1, 15):
         one = render(replace(SOFT, settings=replace(SOFT.settings, seed=11 + i)), progress=False)["RGB"]
@@ -161,7 +161,7 @@ def test_a_picture_is_that_of_a_render_with_its_seed() -> None:
 def test_seeds_samples_and_rays_are_data() -> None:
     """Kernels are compiled once: not for other seeds, and not for other numbers of samples."""
     studio = Studio(SOFT, list(range(16)), Interrupts())
-    by = {k.name: k for k in knobs(SOFT)}
+    by = {s.name: s for s in varied_settings(SOFT)}
     choices = [*by["samples, sobol"].few[:2], *by["samples, stratified"].few[:2], *by["light samples"].few]
     taken = studio.prepared(choices)
     assert len(studio.compiled) == 2 and all(t.compile_seconds > 0 for t in taken)
@@ -180,11 +180,11 @@ def test_the_report(report: Report) -> None:
     assert (report.scene, report.scene_hash) == ("a scene given in Python", SOFT.hash())
     assert (report.width, report.height, report.seeds, report.quick) == (32, 24, LEAST_SEEDS, True)
     assert not report.noiseless and not report.stopped and report.seconds > 0
-    assert [c.knob for c in report.curves] == names(SOFT)
+    assert [c.setting for c in report.curves] == names(SOFT)
     unused = {f"samples, {s}" for s in SAMPLERS if s != SOFT.settings.sampler}
     for c in report.curves:
-        assert sum(p.same_choice(report.default) for p in c.points) == (c.knob not in unused)
-    d, curves = report.default, {c.knob: c for c in report.curves}
+        assert sum(p.same_choice(report.default) for p in c.points) == (c.setting not in unused)
+    d, curves = report.default, {c.setting: c for c in report.curves}
     for p in report.records:
         assert p.times.shape == (TURNS,) and p.squares.shape == (LEAST_SEEDS,)
         assert p.picture.shape == (24, 32, 3) and p.error_map.shape == (24, 32)
@@ -200,7 +200,7 @@ def test_the_report(report: Report) -> None:
     assert abs(single.error.rmse.middle - double.error.rmse.middle) < 1e-3 * d.error.rmse.middle
     best = [p.error.rmse.middle for p in report.frontier]
     assert best == sorted(best, reverse=True)
-    assert {h.knob for h in report.halvings} - {"together"} == {c.knob for c in report.curves if c.kind != "step"}
+    assert {h.setting for h in report.halvings} - {"together"} == {c.setting for c in report.curves if c.kind != "step"}
     for s in report.savings:
         assert s.factor.high < 1 or s.share < 1
     assert 0 < report.floors["8-bit output"] < 0.02 and report.floors.get("single precision", 0) < 1e-5
@@ -223,11 +223,11 @@ def test_writing(report: Report) -> None:
     found = json.loads(json.dumps(as_json(report), allow_nan=False))
     assert set(found["default"]["seconds"]) == {"middle", "low", "high"}
     assert "picture" not in found["default"] and "variance" not in found["reference"]
-    assert [c["knob"] for c in found["curves"]] == names(SOFT)
+    assert [c["setting"] for c in found["curves"]] == names(SOFT)
     assert len(found["default"]["squares"]) == LEAST_SEEDS
     rows = list(csv.DictReader(StringIO(as_csv(report))))
     assert len(rows) == len(report.records)
-    assert rows[0]["knob"] == "scene" and rows[0]["settings.spp"] == "4"
+    assert rows[0]["setting"] == "scene" and rows[0]["settings.spp"] == "4"
     assert rows[0]["lights.window.samples"] == "2" and float(rows[0]["rmse"]) == report.default.error.rmse.middle
     text = printed(report)
     for word in (*map(label, names(SOFT)[:4]), "32 x 24", "8-bit output", "reference", advice(report)):
@@ -261,7 +261,7 @@ def test_each_record_of_the_frontier_is_marked(report: Report) -> None:
 @pytest.mark.slow
 def test_what_rounds_to_nothing_has_no_sign(report: Report) -> None:
     curves = (replace(report.curves[0], by_time=Slope(-0.001, -0.004, 0.01, 5)),)
-    text = printed(replace(report, curves=curves, halvings=(Price(curves[0].knob, 0.5, Band(2, 2, 2), 0.6, 300),)))
+    text = printed(replace(report, curves=curves, halvings=(Price(curves[0].setting, 0.5, Band(2, 2, 2), 0.6, 300),)))
     assert "0.00 ± 0.01" in text and "-0.00" not in text
 
 
@@ -279,7 +279,7 @@ def test_a_scene_without_noise_says_so() -> None:
     report = cost(FLAT, quick=True, progress=False)
     assert report.noiseless and advice(report) == "Use 1 sample per pixel: this picture has no noise."
     # There is nothing that samples could halve.
-    assert not {h.knob for h in report.halvings} & {c.knob for c in report.curves if c.kind == "sampling"}
+    assert not {h.setting for h in report.halvings} & {c.setting for c in report.curves if c.kind == "sampling"}
     text = printed(report)
     assert "not reached" not in text
     for c in report.curves:
@@ -316,12 +316,12 @@ class Impatience(Interrupts):
 
 @pytest.mark.slow
 def test_ctrl_c_keeps_complete_turns(monkeypatch: pytest.MonkeyPatch) -> None:
-    choices = 1 + sum(not c.own for k in knobs(SOFT) for c in k.few)
+    choices = 1 + sum(not c.own for s in varied_settings(SOFT) for c in s.few)
     # All are compiled, and three turns of two seeds measured, and a part of a fourth.
     monkeypatch.setattr(study, "Interrupts", lambda: Impatience(4 * choices + 3))
     report = cost(SOFT, quick=True, progress=False)
     assert report.stopped and report.seeds == 6 and report.joint == ()
-    assert report.default.times.shape == (3,) and len(report.curves) == len(knobs(SOFT))
+    assert report.default.times.shape == (3,) and len(report.curves) == len(varied_settings(SOFT))
     json.dumps(as_json(report), allow_nan=False)
     # Once, wherever it is told; and the reference did not have the seconds that its error is put down to.
     notes = as_json(report)["notes"]
@@ -358,7 +358,7 @@ def test_bad_scenes() -> None:
 def test_noise_of_the_clock_changes_no_size() -> None:
     """Up to a quarter more than the budget the pictures stay; beyond it they shrink by steps."""
     studio = Studio(replace(SOFT, film=Film(width=96, height=60)), list(range(16)), Interrupts())
-    taken = studio.prepared([default(SOFT, knobs(SOFT))])
+    taken = studio.prepared([default(SOFT, varied_settings(SOFT))])
     needed = sum(t.expected for t in taken) * studio.per_turn * TURNS
     for more in (0.9, 1, 1.1, 1.2):
         same, kept = studio.fitting(taken, needed / more)

@@ -1,4 +1,4 @@
-"""First hits and the rays that leave them, of a choice of knobs against the reference."""
+"""First hits and the rays that leave them, of a choice against the reference."""
 
 from dataclasses import replace
 from itertools import pairwise

@@ -23,8 +23,8 @@ def band(x: float, off: float = 0.05) -> Band:
     return Band(x, x * (1 - off), x * (1 + off))
 
 
-def point(knob: str, value: object, seconds: float, bias: float, deviation: float, **more: object) -> Record:
-    """A point as a study makes it: of one knob, with pictures that are as far off as it says."""
+def point(setting: str, value: object, seconds: float, bias: float, deviation: float, **more: object) -> Record:
+    """A point as a study makes it: of one setting, with pictures that are as far off as it says."""
     rmse = (bias**2 + deviation**2) ** 0.5
     error = Error(band(rmse), band(bias, 0.2), band(deviation), 2 * rmse**2, rmse / 3)
     wrong = rmse * RNG.exponential(1, (H, W))
@@ -32,7 +32,7 @@ def point(knob: str, value: object, seconds: float, bias: float, deviation: floa
     settings |= more.pop("settings", {})
     picture = LIGHT + rmse * RNG.normal(0, 0.5, LIGHT.shape)
     arrays = (np.full(7, seconds), np.full(16, rmse**2), picture, wrong)
-    return Record(knob, value, settings, band(seconds), 2.5, 41_234, error, *arrays, **more)
+    return Record(setting, value, settings, band(seconds), 2.5, 41_234, error, *arrays, **more)
 
 
 def study() -> Report:
@@ -154,10 +154,11 @@ def hostile() -> Report:
     r = study()
     curves = []
     for c, name in zip(r.curves, EVIL):
-        points = tuple(replace(p, knob=name, settings=p.settings | {f"lights.{name}.samples": name}) for p in c.points)
-        curves.append(replace(c, knob=name, points=points))
+        more = {f"lights.{name}.samples": name}
+        points = tuple(replace(p, setting=name, settings=p.settings | more) for p in c.points)
+        curves.append(replace(c, setting=name, points=points))
     front = tuple(p for c in curves for p in c.points[:2])
-    halvings = tuple(replace(h, knob=name) for h, name in zip(r.halvings, EVIL))
+    halvings = tuple(replace(h, setting=name) for h, name in zip(r.halvings, EVIL))
     return replace(
         r, scene=EVIL[0], curves=tuple(curves), frontier=front, halvings=halvings, floors={EVIL[0]: 0.003},
         machine={EVIL[0]: EVIL[0]}, notes=EVIL,
@@ -165,13 +166,15 @@ def hostile() -> Report:
 
 
 def wide() -> Report:
-    """Pictures larger than are shown, three times as wide as high; many knobs."""
+    """Pictures larger than are shown, three times as wide as high; many settings."""
     r, shape = study(), (200, 600)
     grown = lambda a: np.resize(a, (*shape, *a.shape[2:]))  # noqa: E731 - a name for a row
     every = {
         id(p): replace(p, picture=grown(p.picture), error_map=grown(p.error_map)) for p in (r.default, *r.frontier)
     }
-    curves = tuple(replace(c, knob=f"{c.knob} of the lamp {i} in the hall") for i in range(3) for c in r.curves[:4])
+    curves = tuple(
+        replace(c, setting=f"{c.setting} of the lamp {i} in the hall") for i in range(3) for c in r.curves[:4]
+    )
     truth = replace(r.reference, picture=grown(LIGHT), variance=grown(r.reference.variance))
     return replace(
         r, width=600, height=200, curves=curves, default=every[id(r.default)],
@@ -258,7 +261,7 @@ def test_a_page_opens_alone(pages: dict[str, str], name: str) -> None:
 def test_it_holds_all_records_and_figures(pages: dict[str, str]) -> None:
     r, found = study(), Outline(pages["study"])
     rows = [row for row in found.rows if len(row) == 10 and row[4] != "hits lost"][1:][: len(r.records)]
-    assert [row[:2] for row in rows] == [[label(p.knob), str(p.value)] for p in r.records]
+    assert [row[:2] for row in rows] == [[label(p.setting), str(p.value)] for p in r.records]
     for p, row in zip(r.records, rows):
         e, b = p.error, p.error.rmse
         assert row[2] == duration(p.seconds.middle)
@@ -296,7 +299,7 @@ def test_it_speaks_plain_english(pages: dict[str, str]) -> None:
     assert halving(r) == (
         "For half of the error, use 41 sobol samples per pixel: it takes 2.6 times the time (2.4 to 2.8)."
     )
-    only = lambda knob, value: advice(replace(r, savings=(Price(knob, 1.0, Band(0.6, 0.5, 0.7), 0.1, value),)))  # noqa: E731
+    only = lambda setting, value: advice(replace(r, savings=(Price(setting, 1.0, Band(0.6, 0.5, 0.7), 0.1, value),)))  # noqa: E731
     assert only("samples, sobol", 39).startswith("Use 39 sobol samples per pixel: the same")
     assert only("light samples", 4).startswith("Use 4 light samples: the same")
     assert only("precision", "single").startswith("Use single precision: the same")
@@ -317,9 +320,9 @@ def test_the_advice_is_followed_by_options_and_what_was_measured(pages: dict[str
     r = study()
     (chosen,) = (p for p in r.joint if p.value == 9)
     advised = replace(r, savings=(Price("together", 0.1, Band(0.4, 0.3, 0.5), 0.1, 9),))
-    turned = changes(chosen, r.default)
+    changed = changes(chosen, r.default)
     assert [w.removeprefix("--set ") for w in options(advised).replace("--spp ", "settings.spp=").split(" --set ")] == [
-        f"{a}={v}" for a, v in turned.items()
+        f"{a}={v}" for a, v in changed.items()
     ]
     assert reason(advised) == "Measured: 200 ms in place of 520 ms, and an error of 2.83 % in place of 2.14 %."
     text = " ".join(Outline(page(advised)).text)
@@ -329,10 +332,12 @@ def test_the_advice_is_followed_by_options_and_what_was_measured(pages: dict[str
 
 
 def test_settings_have_plain_names(pages: dict[str, str]) -> None:
-    """The word for them inside the program is on no page."""
+    """Words for them inside the program are on no page."""
     assert label("samples, sobol") == "samples per pixel, sobol" and label("lamp samples") == "lamp samples"
     assert label("scene") == "the scene as it is" and "together" in label("together")
-    assert not any(re.search(r"knob|record\b", " ".join(Outline(pages[name]).text), re.I) for name in ("study", "wide"))
+    assert not any(
+        re.search(r"(record|varied|turned)\b", " ".join(Outline(pages[name]).text), re.I) for name in ("study", "wide")
+    )
 
 
 def test_what_is_not_reached_or_not_measured_is_told(pages: dict[str, str]) -> None:

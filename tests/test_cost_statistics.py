@@ -10,9 +10,9 @@ import pytest
 
 from visray.quantities import Arrays
 from visray.sampling import SamplePlan, SampleState, first_stratum, pixel_key
+from visray.study.cost.choices import sample_counts
 from visray.study.cost.comparing import frontier, halvings, price, savings, together
 from visray.study.cost.errors import flip, judged, split, student
-from visray.study.cost.knobs import sample_counts
 from visray.study.cost.records import Band, Curve, Error, Record, Slope
 from visray.study.cost.slopes import slope
 
@@ -236,28 +236,28 @@ def band(x: float, width: float = 0.0) -> Band:
 
 
 def point(
-    seconds: float, error: float, settings: dict | None = None, value: Any = 0, knob: str = "knob",
+    seconds: float, error: float, settings: dict | None = None, value: Any = 0, setting: str = "setting",
     bias: float = 0.0, width: float = 0.01,
 ) -> Record:  # fmt: skip
     nothing = np.zeros(1)
     noise = band(sqrt(max(error**2 - bias**2, 0)), width)
     parts = Error(band(error, width), band(bias, width), noise, 0.0, 0.0)
-    return Record(knob, value, settings or {}, band(seconds, width), 0.0, 0, parts, nothing, nothing, nothing, nothing)
+    return Record(setting, value, settings or {}, band(seconds, width), 0.0, 0, parts, *4 * [nothing])
 
 
 def test_a_frontier_has_what_nothing_beats() -> None:
     a, b, c = point(1, 0.5), point(2, 0.3), point(4, 0.1)
     beaten = [point(2.5, 0.3), point(3, 0.4), point(1, 0.6), point(5, 0.1), point(0.1, float("nan")), point(inf, 0.01)]
-    twin = point(2, 0.3, knob="a name that comes first")
+    twin = point(2, 0.3, setting="a name that comes first")
     assert frontier([*beaten, c, b, a]) == (a, b, c)
     for order in ([a, b, twin, c], [c, twin, b, a]):
         assert [p is q for p, q in zip(frontier(order), (a, twin, c))] == [True] * 3
     assert frontier([]) == ()
 
 
-def test_the_same_choice_is_that_of_all_knobs_whatever_was_measured() -> None:
+def test_the_same_choice_is_that_of_all_settings_whatever_was_measured() -> None:
     default = point(2.0, 0.4, {"n": 4})
-    again = replace(default, knob="n", value=4, seconds=band(2.1))
+    again = replace(default, setting="n", value=4, seconds=band(2.1))
     assert default.same_choice(again) and again.same_choice(default)
     for unlike in (point(2.0, 0.4, {"n": 5}), point(2.0, 0.4, {"n": 4, "m": 1}), point(2.0, 0.4)):
         assert not unlike.same_choice(default) and not default.same_choice(unlike)
@@ -281,7 +281,7 @@ def test_halvings_by_hand() -> None:
         curve("samples, sobol", "sampling", (0.25, 0.2 * 32**0.5, 1), (0.5, 0.8, 2), (1.0, 0.2 * 8**0.5, 4)),
         # The slope would reach it after more than a decade.
         curve("samples, independent", "sampling", *((0.1 * n, 0.8 * (4 / n) ** 0.5, n) for n in (1, 2, 4))),
-        # No other knob is carried on.
+        # No other setting is carried on.
         curve("light samples", "sampling", (0.25, 0.2 * 32**0.5, 1), (0.5, 0.8, 2), (1.0, 0.2 * 8**0.5, 4)),
         curve("flat", "bias", (1.0, 0.41, 1), (2.0, 0.4, 2)),
         # Exactly 0 from a depth on.
@@ -289,8 +289,8 @@ def test_halvings_by_hand() -> None:
         curve("tolerance", "bias", (4.0, 0.1, 0.0), (3.0, 0.2, 1e-9), (2.0, 0.4, 1e-3)),
         curve("choice", "step", (1.0, 0.1, "a")),
     )
-    found = {h.knob: h for h in halvings(curves, default)}
-    assert set(found) == {c.knob for c in curves} - {"choice"}
+    found = {h.setting: h for h in halvings(curves, default)}
+    assert set(found) == {c.setting for c in curves} - {"choice"}
     reached = (("within", 4, 8), ("samples, sobol", 4, 32), ("depth", 1.5, 4), ("tolerance", 1.5, 1e-9))
     for name, factor, value in reached:
         h = found[name]
@@ -302,7 +302,7 @@ def test_halvings_by_hand() -> None:
         assert not found[name].beyond
     shares = {"within": 0.5**1.5, "flat": 1.0, "depth": 0, "samples, sobol": 2**0.5, "tolerance": 0.25}
     assert all(abs(found[name].least - share) < 1e-9 for name, share in shares.items())
-    order = [h.knob for h in halvings(curves, default)]
+    order = [h.setting for h in halvings(curves, default)]
     assert set(order[:2]) == {"depth", "tolerance"} and set(order[2:4]) == {"samples, sobol", "within"}
     assert halvings(curves, point(2.0, 0.0)) == ()
 
@@ -313,7 +313,7 @@ def test_bands_of_prices_hold_the_truth() -> None:
     for _ in range(n):
         off = np.exp(np.log(1 + width) / 1.96 * rng.standard_normal((4, 2)))
         rows = [(4.0**i * off[i, 0], 0.8 * 2.0**-i * off[i, 1], 4**i) for i in range(4)]
-        c = curve("knob", "sampling", *rows, width=width)
+        c = curve("setting", "sampling", *rows, width=width)
         factor = price(c, c.points[1], 0.5).factor
         held += factor.low <= 4 <= factor.high
     assert held >= fewest(n, 0.9)
@@ -338,13 +338,13 @@ def test_savings_are_surely_faster_or_more_accurate_and_in_no_respect_worse() ->
     best, *others = savings([own, samples("sobol", 1.2, 0.75)], default)
     assert not others
     # n^-3/4 = 1/4 at n = 6.3, and 8 is the next count that was measured.
-    assert best.knob == "samples, sobol" and abs(best.factor.middle - 1.2 * 8 / 16) < 1e-9
+    assert best.setting == "samples, sobol" and abs(best.factor.middle - 1.2 * 8 / 16) < 1e-9
     assert best.value == 8 and best.share == best.least == pytest.approx(8**-0.75 / 0.25)
     # As fast, and more accurate: 16 points in 16 s, and 8 points in 8 s. By time times squared error 16 are better.
     first, second, *others = savings([own, samples("sobol", 1.0, 0.75)], default)
     assert (first.value, second.value, others) == (16, 8, [])
     assert first.share == pytest.approx(1 / 2) and first.factor.middle == pytest.approx(1)
-    # Not where the bands are wide, and not by knobs that change more than the error shows.
+    # Not where the bands are wide, and not by settings that change more than the error shows.
     assert savings([own, samples("sobol", 1.2, 0.75, width=2.0)], default) == ()
     faster = point(8.0, 0.25, OWN | {"x": 1}, 1, "depth")
     assert [p.factor.middle for p in savings([Curve("depth", "bias", (faster,))], default)] == [pytest.approx(0.5)]
@@ -357,12 +357,12 @@ def test_the_best_values_together() -> None:
     own = samples("stratified", 1.0, 0.5)
     default = replace(own.points[2], settings=OWN | {"light": 8, "depth": 4})
 
-    def turned(name: str, kind: str, *rows: tuple[float, float, dict]) -> Curve:
+    def varied(name: str, kind: str, *rows: tuple[float, float, dict]) -> Curve:
         return Curve(name, kind, tuple(point(t, e, default.settings | s, 0, name) for t, e, s in rows))
 
     # With a slope of 1/2, time x error^2 decides: 4 light samples take 0.6 x 1.21 of the time, 2 take 0.5 x 2.
-    light = turned("light samples", "sampling", (9.6, 0.275, {"light": 4}), (8.0, 0.25 * 2**0.5, {"light": 2}))
-    depth = turned("depth", "bias", (8.0, 0.25, {"depth": 3}), (4.0, 0.3, {"depth": 1}))
+    light = varied("light samples", "sampling", (9.6, 0.275, {"light": 4}), (8.0, 0.25 * 2**0.5, {"light": 2}))
+    depth = varied("depth", "bias", (8.0, 0.25, {"depth": 3}), (4.0, 0.3, {"depth": 1}))
     curves = [own, samples("sobol", 1.2, 0.75), light, depth]
     assert together(curves, default) == {"settings.sampler": "sobol", "light": 4, "depth": 3}
     assert together([own], default) == {}

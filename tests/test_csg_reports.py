@@ -9,8 +9,8 @@ import visray as vr
 from visray.adaptive.small_objects import small_objects
 from visray.setup import prepare
 from visray.study.ablation import cost as cost_of_effects
+from visray.study.cost.choices import TOLERANCES, varied_settings
 from visray.study.cost.hits import geometry
-from visray.study.cost.knobs import TOLERANCES, knobs
 from visray.study.mitsuba.crosscheck import check
 from visray.study.mitsuba.report import MOST_LEFT_OUT
 from visray.tables import show
@@ -53,8 +53,8 @@ def test_of_many_objects_that_are_left_out_the_table_shows_some(capsys: pytest.C
     assert shown[-1] == ["left", "out:", "3", "more", "Mitsuba", "has", "no", "CSG", "(--json", "has", "all)"]
 
 
-def test_knobs_of_a_scene_know_its_operands() -> None:
-    (roots,) = [knob for knob in knobs(SCENE) if knob.name == "roots"]
+def test_varied_settings_of_a_scene_know_its_operands() -> None:
+    (roots,) = [s for s in varied_settings(SCENE) if s.name == "roots"]
     settings = [choice.settings for choice in roots.all]
     assert settings == [{"objects.c.of.heart.tolerance": x} for x in TOLERANCES[1]]
 

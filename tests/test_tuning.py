@@ -1,4 +1,4 @@
-"""Choice of knobs for an error or for a time: pictures keep to the error, and only settings that are better are taken.
+"""Choice of settings for an error or for a time: pictures keep to the error, and only better settings are taken.
 
 What must not depend on the machine is tested in a made-up world, in which seconds and noise follow a formula.
 """
@@ -194,7 +194,7 @@ def test_the_best_number_of_light_samples_is_taken(
 ) -> None:
     """That of the least time for an error, by the law, among the measured numbers; it has the least error in a time."""
     made_up(monkeypatch)
-    (lights,) = (c for c in smooth.curves if c.knob == "light samples")
+    (lights,) = (c for c in smooth.curves if c.setting == "light samples")
     best = min((p.value for p in lights.points), key=price)
     # The test would prove nothing if the scene's own number were the best.
     assert price(best) < 0.9 * price(4)
@@ -359,7 +359,7 @@ def mirrored(report: Report) -> Report:
         settings = report.default.settings | {"settings.depth": depth}
         points.append(replace(report.default, value=depth, settings=settings, seconds=Band(*[seconds] * 3)))
     curve = Curve("depth", "bias", tuple(points))
-    return replace(report, default=replace(points[-1], knob="scene"), curves=(*report.curves, curve))
+    return replace(report, default=replace(points[-1], setting="scene"), curves=(*report.curves, curve))
 
 
 @pytest.mark.slow
@@ -388,7 +388,7 @@ def test_the_depth_is_the_least_that_leaves_out_far_less_than_the_error(
     # A smaller depth that is no faster is not taken.
     own = replace(search.report.default, seconds=Band(*[1e-9] * 3))
     assert replace(search, report=replace(search.report, default=own))._depth(0.01) == {"settings.depth": 8}
-    # A scene without mirrors and glass has no such knob.
+    # A scene without mirrors and glass has no such setting.
     assert tuner(report, 0.01)._depth(0.01) == {}
 
 

@@ -4,14 +4,14 @@ from math import isfinite
 from shlex import quote
 from typing import Any
 
+from visray.study.cost.choices import DEPTH, NEAR, PRECISION, SAMPLER, SCATTER, SKY, SPP, TOGETHER, is_samples
 from visray.study.cost.comparing import is_number
-from visray.study.cost.knobs import DEPTH, NEAR, PRECISION, SAMPLER, SCATTER, SKY, SPP, TOGETHER, is_samples
 from visray.study.cost.records import Price, Record, Report
 from visray.study.cost.writing import changes, duration, interval, percent, times, written
 
 BEYOND = " (not measured, but carried on from the measured slope)"
 SAME = 0.95  # a larger share of an error or a time is called the same
-# What the settings that are turned are called in tables and figures.
+# What settings are called in tables and figures, where this is not their name.
 LABELS = {
     "scene": "the scene as it is",
     "depth": "path depth",
@@ -22,10 +22,10 @@ LABELS = {
 }
 
 
-def label(knob: str) -> str:
+def label(setting: str) -> str:
     """What a table calls the setting of a record: "samples per pixel, sobol"."""
-    sampler = knob.removeprefix("samples, ")
-    return f"samples per pixel, {sampler}" if sampler != knob else LABELS.get(knob, knob)
+    sampler = setting.removeprefix("samples, ")
+    return f"samples per pixel, {sampler}" if sampler != setting else LABELS.get(setting, setting)
 
 
 def advice(report: Report) -> str:
@@ -86,7 +86,7 @@ def _advised(report: Report) -> Record | None:
     if report.noiseless or not report.savings:
         return None
     best = report.savings[0]
-    return next((p for p in report.records if (p.knob, p.value) == (best.knob, best.value)), None)
+    return next((p for p in report.records if (p.setting, p.value) == (best.setting, best.value)), None)
 
 
 def _option(address: str, value: Any) -> str:
@@ -95,26 +95,26 @@ def _option(address: str, value: Any) -> str:
 
 
 def _choice(price: Price, report: Report) -> str:
-    """What to use for a price, in words."""
+    """The setting and the value of a price in words: "32 sobol samples per pixel"."""
     own, value = report.default.settings, price.value
-    if price.knob == TOGETHER:
-        turned = {a: v for a, v in report.joint[0].settings.items() if a != SPP and v != own.get(a)}
-        sampler = turned.pop(SAMPLER, own.get(SAMPLER))
-        *parts, last = _samples(sampler, value), *(_setting(a, v) for a, v in turned.items())
+    if price.setting == TOGETHER:
+        changed = {a: v for a, v in report.joint[0].settings.items() if a != SPP and v != own.get(a)}
+        sampler = changed.pop(SAMPLER, own.get(SAMPLER))
+        *parts, last = _samples(sampler, value), *(_in_words(a, v) for a, v in changed.items())
         return f"{', '.join(parts)} and {last}"
-    if is_samples(price.knob):
-        return _samples(price.knob.removeprefix("samples, "), value)
-    if price.knob.endswith(("samples", "rays")):
-        return f"{written(value)} {price.knob}"
-    return f"{price.knob} {written(value)}" if is_number(value) else f"{written(value)} {price.knob}"
+    if is_samples(price.setting):
+        return _samples(price.setting.removeprefix("samples, "), value)
+    if price.setting.endswith(("samples", "rays")):
+        return f"{written(value)} {price.setting}"
+    return f"{price.setting} {written(value)}" if is_number(value) else f"{written(value)} {price.setting}"
 
 
 def _samples(sampler: str, count: Any) -> str:
     return f"{written(count)} {sampler} {'sample' if count == 1 else 'samples'} per pixel"
 
 
-def _setting(address: str, x: Any) -> str:
-    """A setting in words: "4 light samples"."""
+def _in_words(address: str, x: Any) -> str:
+    """The value of an address in words: "4 light samples"."""
     words = {DEPTH: "a depth of {}", PRECISION: "{} precision", SKY: "{} sky rays"}
     words |= {NEAR: "{} near rays", SCATTER: "{} scatter rays"}
     text = "{} light samples" if address.startswith("lights.") else words.get(address, f"{address} {{}}")

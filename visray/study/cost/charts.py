@@ -1,7 +1,7 @@
 """Figures of the page, as SVG and PNG that an HTML page contains: error against time, pictures and error maps.
 
-Colours of curves are those of Okabe and Ito, which colour-blind readers can tell apart; each knob has its own marker.
-Text and axes take the colour of the page, light or dark.
+Colours of curves are those of Okabe and Ito, which colour-blind readers can tell apart; each setting has its own
+marker. Text and axes take the colour of the page, light or dark.
 """
 
 import base64
@@ -14,7 +14,7 @@ import numpy as np
 from visray.output import png
 from visray.output.image import Image
 from visray.study.cost.advice import label
-from visray.study.cost.knobs import TOGETHER
+from visray.study.cost.choices import TOGETHER
 from visray.study.cost.records import Band, Record, Report
 from visray.study.cost.writing import changes, duration, percent, written
 
@@ -69,7 +69,7 @@ class _Axis:
 
 
 def costs(report: Report, width: int, height: int) -> str:
-    """Error against time as SVG of this size: a curve for each knob, the frontier, the scene as it is, the floors."""
+    """Error against time as SVG of this size: a curve for each setting, the frontier, the scene as it is, floors."""
     records = report.records
     x = _Axis([p.seconds for p in records], LEFT, width - RIGHT, [report.default.compile_seconds])
     y = _Axis([p.error.rmse for p in records], height - BOTTOM, TOP, report.floors.values())
@@ -102,7 +102,7 @@ def costs(report: Report, width: int, height: int) -> str:
 
 def legend(report: Report) -> list[tuple[str, str]]:
     """The marker, as SVG, and the name of each curve, of the best choices together, and of the scene as it is."""
-    names = [label(c.knob) for c in report.curves] + [label(TOGETHER)] * bool(report.joint) + [label("scene")]
+    names = [label(c.setting) for c in report.curves] + [label(TOGETHER)] * bool(report.joint) + [label("scene")]
     looks = [(MARKERS[i % len(MARKERS)], COLOURS[i % len(COLOURS)]) for i in range(len(report.curves))]
     looks += [(CROSS, "currentColor")] * bool(report.joint) + [(STAR, "currentColor")]
     icon = '<svg viewBox="-2 -2 4 4" width="18" height="18" aria-hidden="true"><path d="{}" fill="{}"/></svg>'
@@ -120,8 +120,8 @@ def _marks(report: Report) -> Iterable[tuple[str, str, Record]]:
 def _mark(p: Record, x: _Axis, y: _Axis, shape: str, colour: str, default: Record) -> str:
     """A mark with its intervals; it shows its settings when it is pointed at."""
     t, e = p.seconds, p.error.rmse
-    turned = ", ".join(f"{a.removeprefix('settings.')} {written(v)}" for a, v in changes(p, default).items())
-    title = escape(f"{turned or 'the scene as it is'}: {duration(t.middle)}, error {percent(e.middle)}")
+    changed = ", ".join(f"{a.removeprefix('settings.')} {written(v)}" for a, v in changes(p, default).items())
+    title = escape(f"{changed or 'the scene as it is'}: {duration(t.middle)}, error {percent(e.middle)}")
     bars = f"M{x(t.low):.1f} {y(e.middle):.1f}H{x(t.high):.1f}M{x(t.middle):.1f} {y(e.low):.1f}V{y(e.high):.1f}"
     place = f"translate({x(t.middle):.1f} {y(e.middle):.1f}) scale(4.5)"
     mark = f'<path class="mark" d="{shape}" fill="{colour}" transform="{place}"/>'
@@ -162,4 +162,5 @@ def thumbnail(values: np.ndarray) -> np.ndarray:
 
 
 def _address(pixels: np.ndarray) -> str:
+    """Pixels as an address that contains the whole PNG image. Shape: (H, W, 3), 8 bits."""
     return "data:image/png;base64," + base64.b64encode(png.encode(pixels, {}, True)).decode()

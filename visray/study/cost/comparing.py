@@ -1,4 +1,7 @@
-"""Comparison of measured choices: the frontier, and the time that an error takes with each knob."""
+"""Comparison of measured choices: the frontier, and the time that an error takes with each setting.
+
+In all functions `default` is the record of the scene as it is.
+"""
 
 from collections.abc import Iterable
 from math import inf, isfinite, log
@@ -7,20 +10,20 @@ from typing import Any
 import numpy as np
 
 from visray.adaptive.dual_buffer import QUANTILE
-from visray.study.cost.knobs import KEPT, SAMPLER, SPP, is_samples
+from visray.study.cost.choices import KEPT, SAMPLER, SPP, is_samples
 from visray.study.cost.records import Band, Curve, Price, Record, Settings
 
 HALF = 0.5
-DRAWS, SEED = 1000, 1  # of the records' bands, for the bands of prices
+DRAWS, SEED = 1000, 1  # random draws from the bands of the records, which give the bands of prices
 FURTHEST = log(10)  # how far a slope is carried on beyond the last point, in logarithms of seconds
 GAIN = 0.9  # a smaller saving of time is not worth a change
 
 
 def frontier(records: Iterable[Record]) -> tuple[Record, ...]:
     """The records of which no other is as fast and as accurate, in the order of seconds. Of equal ones the first by
-    knob and value stays; a record with a number that is not finite is left out."""
+    setting and value stays; a record with a number that is not finite is left out."""
     front: list[Record] = []
-    for p in sorted(records, key=lambda p: (p.seconds.middle, p.error.rmse.middle, p.knob, str(p.value))):
+    for p in sorted(records, key=lambda p: (p.seconds.middle, p.error.rmse.middle, p.setting, str(p.value))):
         finite = isfinite(p.seconds.middle) and isfinite(p.error.rmse.middle)
         if finite and (not front or p.error.rmse.middle < front[-1].error.rmse.middle):
             front.append(p)
@@ -28,7 +31,7 @@ def frontier(records: Iterable[Record]) -> tuple[Record, ...]:
 
 
 def price(curve: Curve, default: Record, share: float) -> Price:
-    """The time that a share of the scene's error takes along a curve.
+    """The time in which a curve comes down to a share of the scene's error.
 
     Between two points error and seconds follow a power law. Beyond the last point, samples per pixel follow the
     measured slope for up to ten times the seconds; nothing else is carried on, because other rays and samples do not
@@ -44,7 +47,7 @@ def price(curve: Curve, default: Record, share: float) -> Price:
     time = _logs([p.seconds for p in records], normal[:, 0])
     error = _logs([p.error.rmse for p in records], normal[:, 1])
     k = np.full(DRAWS + 1, inf)
-    if is_samples(curve.knob) and curve.by_time is not None and curve.by_time.low > 0:
+    if is_samples(curve.setting) and curve.by_time is not None and curve.by_time.low > 0:
         half = (curve.by_time.high - curve.by_time.low) / 2 / QUANTILE
         k = np.maximum(curve.by_time.k + half * normal[:, 0, -1], curve.by_time.low / 2)
     reached = [_reached(t[:n], e[:n], e[same] + log(share), x) for t, e, x in zip(time, error, k)]
@@ -53,7 +56,7 @@ def price(curve: Curve, default: Record, share: float) -> Price:
     factor, place = float(factors[0]), reached[0][0]
     base = default.error.rmse.middle
     return Price(
-        knob=curve.knob,
+        setting=curve.setting,
         share=share,
         factor=Band(factor, min(factor, float(low)), max(factor, float(high))),
         least=min(p.error.rmse.middle for p in points) / base,
@@ -63,10 +66,10 @@ def price(curve: Curve, default: Record, share: float) -> Price:
 
 
 def halvings(curves: Iterable[Curve], default: Record) -> tuple[Price, ...]:
-    """The price of half of the scene's error by each knob that samples or has a bias, cheapest first."""
+    """The price of half of the scene's error by each setting of the kind sampling or bias, cheapest first."""
     asked = [c for c in curves if c.kind in ("sampling", "bias") and c.points and default.error.rmse.middle > 0]
     prices = [price(c, default, HALF) for c in asked]
-    return tuple(sorted(prices, key=lambda p: (p.factor.middle, p.least, p.knob)))
+    return tuple(sorted(prices, key=lambda p: (p.factor.middle, p.least, p.setting)))
 
 
 def savings(curves: Iterable[Curve], default: Record) -> tuple[Price, ...]:
@@ -74,45 +77,46 @@ def savings(curves: Iterable[Curve], default: Record) -> tuple[Price, ...]:
     other respect; the best one by time times squared error first. Their `share` is their own error, as a share of the
     scene's."""
     prices, own = [], default.error.rmse
-    for p in (p for c in curves if c.knob not in KEPT and own.middle > 0 for p in c.points):
+    for p in (p for c in curves if c.setting not in KEPT and own.middle > 0 for p in c.points):
         factor, share, error = _ratio(p.seconds, default.seconds), p.error.rmse.middle / own.middle, p.error.rmse
         better = error.high < own.low and share <= GAIN
         if (_surely_faster(factor) and error.middle <= own.high) or (
             better and p.seconds.middle <= default.seconds.high
         ):
-            prices.append(Price(p.knob, share, factor, share, p.value))
-    return tuple(sorted(prices, key=lambda p: (p.factor.middle * p.share**2, p.factor.middle, p.knob)))
+            prices.append(Price(p.setting, share, factor, share, p.value))
+    return tuple(sorted(prices, key=lambda p: (p.factor.middle * p.share**2, p.factor.middle, p.setting)))
 
 
 def together(curves: Iterable[Curve], default: Record) -> Settings:
-    """The best measured values of all knobs but samples per pixel, where they are better beyond the noise.
+    """The best measured values of all settings but samples per pixel, where they are better beyond the noise.
 
     A sampler is better where it takes less time for the scene's error. A number of samples or rays is better where it
-    takes less time after samples per pixel make up for the change of noise, by the slope of the scene's own sampler.
-    Other values are better where they are faster and the error cannot be told from the scene's.
+    takes less time for the same noise: samples per pixel make up for the change of noise, and how many of them are
+    needed follows from the slope of the scene's own sampler. Other values are better where they
+    are faster and the error cannot be told from the scene's.
     """
-    curves = [c for c in curves if c.points and c.knob not in KEPT]
+    curves = [c for c in curves if c.points and c.setting not in KEPT]
     own = own_samples(curves, default)
     power = float(np.clip(own.by_count.k if own and own.by_count else 0.5, 0.5, 1.0))
-    turned: Settings = {}
-    samplers = [price(c, default, 1.0) for c in curves if is_samples(c.knob) and default.error.rmse.middle > 0]
+    best: Settings = {}
+    samplers = [price(c, default, 1.0) for c in curves if is_samples(c.setting) and default.error.rmse.middle > 0]
     samplers = [p for p in samplers if _surely_faster(p.factor)]
     if samplers:
-        turned[SAMPLER] = min(samplers, key=lambda p: p.factor.middle).knob.removeprefix("samples, ")
+        best[SAMPLER] = min(samplers, key=lambda p: p.factor.middle).setting.removeprefix("samples, ")
     for c in curves:
-        if is_samples(c.knob):
+        if is_samples(c.setting):
             continue
         ratios = [(_efficiency(p, default, c.kind, power), p) for p in c.points if not p.same_choice(default)]
         sure = [(r.middle, i) for i, (r, _) in enumerate(ratios) if _surely_faster(r)]
         if sure:
             chosen = ratios[min(sure)[1]][1].settings
-            turned |= {a: v for a, v in chosen.items() if v != default.settings[a] and a not in (SPP, SAMPLER)}
-    return {a: v for a, v in turned.items() if v != default.settings.get(a)}
+            best |= {a: v for a, v in chosen.items() if v != default.settings[a] and a not in (SPP, SAMPLER)}
+    return {a: v for a, v in best.items() if v != default.settings.get(a)}
 
 
 def own_samples(curves: Iterable[Curve], default: Record) -> Curve | None:
     """The curve of samples per pixel with the scene's own sampler; None if it was not measured."""
-    return next((c for c in curves if c.knob == f"samples, {default.settings.get(SAMPLER)}"), None)
+    return next((c for c in curves if c.setting == f"samples, {default.settings.get(SAMPLER)}"), None)
 
 
 def _surely_faster(factor: Band) -> bool:
@@ -121,7 +125,11 @@ def _surely_faster(factor: Band) -> bool:
 
 
 def _efficiency(p: Record, default: Record, kind: str, power: float) -> Band:
-    """Time at the scene's own error, as a multiple of the scene's; inf where that cannot be said."""
+    """Time for the scene's own error, as a multiple of the scene's time; inf where that cannot be said.
+
+    kind: as in Curve
+    power: k of noise ~ (samples per pixel)^-k
+    """
     seconds = _ratio(p.seconds, default.seconds)
     if kind != "sampling":
         return seconds if p.error.rmse.middle <= default.error.rmse.high else Band(inf, inf, inf)
@@ -153,7 +161,7 @@ def _reached(time: np.ndarray, error: np.ndarray, target: float, k: float) -> tu
 
 
 def _value(points: tuple[Record, ...], place: float, curve: Curve, error: float) -> Any:
-    """The value of a knob at a place among its points, None at inf; a whole number is rounded up."""
+    """The value of a setting at a place among its points, None at inf; a whole number is rounded up."""
     if not isfinite(place):
         return None
     last, i = points[-1], int(place)

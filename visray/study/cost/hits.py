@@ -1,4 +1,4 @@
-"""Geometry of a choice of knobs: first hits and self-shadows, compared with those of the reference."""
+"""Geometry of a choice: first hits and self-shadows, compared with those of the reference."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -39,7 +39,7 @@ class View:
 def geometry(prepared: Prepared, truth: Prepared, seed: int = 0) -> Geometry:
     """Compares first hits along rays through pixel centres, in double, and the occlusion of rays that leave them.
 
-    Both are the same scene with other knobs; objects are identified by name, because knobs may change their order.
+    Both are the same scene with other settings. Objects are told by name, because settings may change their order.
     Where both hit the same object, a random ray leaves it over the hemisphere on the viewer's side (cosine distributed
     about the reference's normal): the same direction from the hit point of each, as in the integrator. Rays that run
     below the surface of one of them are left out: the integrator does not trace them.

@@ -1,8 +1,8 @@
 """Measurement of choices: pictures of many seeds, and the time of their kernels.
 
 A pass makes the pictures of several seeds side by side, so tracing in Python is paid once. The seconds of a picture are
-the time of the kernels, as Dr.Jit reports it, over the number of pictures. They leave out tracing, which each pass of a
-render does once whatever its size, and repeat best.
+the time of the kernels, as Dr.Jit reports it, over the number of pictures. They leave out tracing in Python, whose time
+does not depend on the size of a picture, and differ less from run to run than other times.
 
 All choices are measured in turns: the speed of the machine in a turn is common to them all, and is removed. Ctrl-C
 keeps the complete turns.
@@ -25,14 +25,14 @@ from visray.sampling import SamplePlan
 from visray.scene.adjusted import smaller
 from visray.scene.scene import Scene
 from visray.setup import Prepared, arrays, prepare
-from visray.study.cost.knobs import Choice
+from visray.study.cost.choices import Choice
 from visray.study.cost.records import Band
 from visray.study.spread import sign_test_trims
 from visray.study.timed_picture import marked_columns, new_mark, reduced_size
 
 # Pixels of the longer side: quick, full; and the least.
 LONGEST, SMALLEST = (96, 192), 32
-# Of 9 timings, the sign test takes the second and the last but one as an interval of 95 %.
+# Of 9 timings, the second least and the second largest are an interval of 95 % of the median, by the sign test.
 TURNS = 9
 # Pictures shrink by this factor of their sides, and only where they would take BEYOND times the budget: noise of the
 # clock then seldom gives two studies of a scene two sizes.
@@ -178,6 +178,7 @@ class Studio:
         return ready
 
     def _prepared(self, choice: Choice) -> Measurement:
+        """A choice, prepared and compiled, with its predicted seconds."""
         prepared = prepare(choice.of(self.scene))
         spp, n = prepared.scene.settings.spp, self.per_turn
         count = min(TRIAL, spp)
@@ -253,8 +254,8 @@ class Studio:
 
 
 def _even(choices: list[Measurement]) -> None:
-    """Removes the speed of the machine in each turn, which is common to all choices: the median over choices of their
-    seconds, each divided by its own median."""
+    """Divides the seconds of each turn by the pace of the machine in that turn. The pace is the median over all choices
+    of: seconds in the turn, over the median of the choice's seconds."""
     if not choices or not choices[0].times:
         return
     logs = np.log([c.times for c in choices])

@@ -9,7 +9,7 @@ from visray.cluster.refusal import versions
 from visray.cluster.scene_package import ScenePackage
 from visray.cluster.worker import Order, ready, unpacking
 from visray.progress import Bar, Interrupts
-from visray.study.cost.knobs import Choice
+from visray.study.cost.choices import Choice
 from visray.study.cost.measuring import Measurement, Studio, Turn
 
 

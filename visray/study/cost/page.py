@@ -9,7 +9,7 @@ import numpy as np
 
 from visray.study.cost import charts
 from visray.study.cost.advice import advice, halving, label, options, present, reason
-from visray.study.cost.knobs import SPP
+from visray.study.cost.choices import SPP
 from visray.study.cost.records import Band, Report
 from visray.study.cost.report import STOPPED, on_frontier
 from visray.study.cost.writing import changes, duration, interval, number, percent, times, written
@@ -116,13 +116,13 @@ def _halvings(r: Report) -> str:
     """The price of half of the error, setting by setting."""
     if not r.halvings:
         return ""
-    rows, slopes = [], {c.knob: c.by_time for c in r.curves}
+    rows, slopes = [], {c.setting: c.by_time for c in r.curves}
     for h in r.halvings:
         text = times(h.factor) if isfinite(h.factor.middle) else "not reached"
         value = "-" if h.value is None else written(h.value) + (" (not measured)" if h.beyond else "")
-        k = slopes.get(h.knob)
+        k = slopes.get(h.setting)
         power = f"time^-{k.k:.2f} ({k.low:.2f} to {k.high:.2f})" if k else "-"
-        rows.append(((label(h.knob), text, value, percent(h.least, 2), power), False))
+        rows.append(((label(h.setting), text, value, percent(h.least, 2), power), False))
     beyond = ' "(not measured)": carried on from the measured slope.' if any(h.beyond for h in r.halvings) else ""
     note = f"{HALVINGS}{beyond}{_together(r)}"
     heads = ("setting", "half of the error takes", "at the value", "least error, of the scene's", "error falls as")
@@ -133,8 +133,8 @@ def _together(r: Report) -> str:
     """Which settings "several together" means."""
     if not r.joint:
         return ""
-    turned = (f"{a} = {written(v)}" for a, v in changes(r.joint[0], r.default).items() if a != SPP)
-    return f" Several together: samples per pixel with {', '.join(turned)}."
+    changed = (f"{a} = {written(v)}" for a, v in changes(r.joint[0], r.default).items() if a != SPP)
+    return f" Several together: samples per pixel with {', '.join(changed)}."
 
 
 def _records(r: Report) -> str:
@@ -143,7 +143,7 @@ def _records(r: Report) -> str:
     rows = []
     for p in r.records:
         e, seconds, base = p.error, p.seconds.middle, r.default.seconds.middle
-        texts = [label(p.knob), written(p.value), duration(seconds), percent(seconds / base, 2)]
+        texts = [label(p.setting), written(p.value), duration(seconds), percent(seconds / base, 2)]
         texts += [_percents(b) for b in (e.rmse, e.bias, e.deviation)] + [number(e.mrse, 2), number(e.flip, 2)]
         rows.append(([*texts, "●" if on_frontier(p, r) else ""], p is r.default))
     table = _table(RECORDS + _together(r), (*heads, "MRSE", "FLIP", "●"), rows)
@@ -187,7 +187,7 @@ def _geometry(r: Report) -> str:
         if g := p.geometry:
             counts = (f"{x:,}" for x in (g.rays, g.lost, g.added, g.other))
             last = number(g.ulps), number(g.angle), f"{g.leaving:,}", f"{g.self_shadows:,}"
-            rows.append(((label(p.knob), written(p.value), *counts, *last), p is r.default))
+            rows.append(((label(p.setting), written(p.value), *counts, *last), p is r.default))
     heads = ("setting", "value", "rays", "hits lost", "hits added", "other object", "distance, ulps", "normal, rad")
     title = "<h2>Geometry: hits that are lost or wrong</h2>"
     return f"{title}{_table(GEOMETRY, (*heads, 'leaving rays', 'self-shadows'), rows)}" if rows else ""

@@ -71,11 +71,11 @@ class Error:
 
 @dataclass(frozen=True)
 class Record:
-    """One measured choice of all knobs.
+    """One measured choice.
 
-    knob: name of the knob that was turned; "scene" for the scene as it is, "together" where several were turned
-    value: the knob's value
-    settings: values of all knobs, by address
+    setting: name of the setting that was changed; "scene" for the scene as it is, "together" where several were changed
+    value: the value of that setting
+    settings: values of all settings, by address
     seconds: kernel time of one picture, without compilation
     compile_seconds: time that compilation took
     operations: operations of the kernel, as Dr.Jit counts them
@@ -84,10 +84,10 @@ class Record:
     squares: squared relative error of each seed, shape (S)
     picture: picture of the first seed, linear, shape (H, W, 3)
     error_map: root mean square error over seeds and channels, shape (H, W)
-    geometry: comparison of hits; None where the knob cannot change them
+    geometry: comparison of hits; None where the setting cannot change them
     """
 
-    knob: str
+    setting: str
     value: Any
     settings: Settings
     seconds: Band
@@ -101,7 +101,7 @@ class Record:
     geometry: Geometry | None = None
 
     def same_choice(self, other: "Record") -> bool:
-        """Whether all knobs have the same values, even where both were measured separately."""
+        """Whether all settings have the same values, even where both were measured separately."""
         return self.settings == other.settings
 
 
@@ -122,15 +122,16 @@ class Slope:
 
 @dataclass(frozen=True)
 class Curve:
-    """Records of one knob, all others as in the scene.
+    """Records of one setting, all others as in the scene.
 
-    knob: its name
+    setting: its name
     kind: "sampling" (more of it is less noise), "bias" (more of it leaves less out) or "step" (a choice)
     points: the records, in the order of value
-    by_time, by_count: slopes of the error over seconds and over the value; None for too few points or no noise
+    by_time, by_count: slopes of the error over seconds and over the value; None where there are too few points, or no
+        noise
     """
 
-    knob: str
+    setting: str
     kind: str
     points: tuple[Record, ...]
     by_time: Slope | None = None
@@ -139,17 +140,17 @@ class Curve:
 
 @dataclass(frozen=True)
 class Price:
-    """Time that a share of the scene's error takes with one knob.
+    """Time in which one setting brings the error down to a share of the scene's.
 
-    knob: its name
+    setting: its name
     share: the error, as a share of the scene's
     factor: the time, as a multiple of the scene's; inf where the error was not reached
-    least: least error measured with the knob, as a share of the scene's
-    value: the knob's value at that error; None where it was not reached
-    beyond: the value lies beyond the measured ones, by the measured slope
+    least: least error measured with the setting, as a share of the scene's
+    value: the setting's value at that error; None where it was not reached
+    beyond: whether the value lies beyond the measured ones, and follows from the measured slope
     """
 
-    knob: str
+    setting: str
     share: float
     factor: Band
     least: float
@@ -186,11 +187,11 @@ class Report:
     seeds: number of pictures of each choice
     quick: whether it is the quick study
     default: record of the scene as it is
-    curves: one for each knob
-    joint: records where the best choices of several knobs are turned together
+    curves: one for each setting
+    joint: records with the best values of several settings together
     frontier: records of which no other is both faster and more accurate, in the order of seconds
     savings: measured choices that are surely faster or more accurate, and in no respect worse; the best one first
-    halvings: what half of the scene's error costs by each knob, cheapest first
+    halvings: what half of the scene's error costs by each setting, cheapest first
     floors: errors that more samples do not reduce, by name ("8-bit output", "single precision", "depth 6")
     reference: the reference
     noiseless: whether all seeds give the same picture

@@ -25,23 +25,23 @@ def as_csv(report: Report) -> str:
     ends = [f"{name}{end}" for name in ("seconds", "rmse", "bias", "deviation") for end in ("", "_low", "_high")]
     text = StringIO()
     out = csv.writer(text, lineterminator="\n")
-    out.writerow(["knob", "value", *ends, "mrse", "flip", "compile_seconds", "operations", "frontier", *addresses])
+    out.writerow(["setting", "value", *ends, "mrse", "flip", "compile_seconds", "operations", "frontier", *addresses])
     for p in report.records:
         e = p.error
         bands = [x for b in (p.seconds, e.rmse, e.bias, e.deviation) for x in (b.middle, b.low, b.high)]
         facts = [e.mrse, e.flip, p.compile_seconds, p.operations, int(on_frontier(p, report))]
-        out.writerow([p.knob, p.value, *bands, *facts, *(p.settings.get(a, "") for a in addresses)])
+        out.writerow([p.setting, p.value, *bands, *facts, *(p.settings.get(a, "") for a in addresses)])
     return text.getvalue()
 
 
 def on_frontier(record: Record, report: Report) -> bool:
-    """Whether a record is on the frontier. The scene as it is may stand there under the name of a knob."""
-    return any(p is record or (record.knob == "scene" and p.same_choice(record)) for p in report.frontier)
+    """Whether a record is on the frontier. The scene as it is may stand there under the name of a setting."""
+    return any(p is record or (record.setting == "scene" and p.same_choice(record)) for p in report.frontier)
 
 
 def table(report: Report) -> Table:
     """The report for the terminal: what to do and why, what half of the error takes with each setting, and notes."""
-    r, slopes = report.reference, {c.knob: c.by_time for c in report.curves}
+    r, slopes = report.reference, {c.setting: c.by_time for c in report.curves}
     lines = ["each setting is changed alone; in brackets: intervals of 95 %"] if report.halvings else []
     if any(h.beyond for h in report.halvings):
         lines.append("*: beyond the measured values, carried on from the measured slope")
@@ -59,14 +59,15 @@ def table(report: Report) -> Table:
         rows.add_column(name)
     for h in report.halvings:
         text = times(h.factor) + " *" * h.beyond if isfinite(h.factor.middle) else "not reached"
-        k, value = slopes.get(h.knob), "" if h.value is None else written(h.value)
+        k, value = slopes.get(h.setting), "" if h.value is None else written(h.value)
         power = f"{hundredths(k.k)} ± {hundredths((k.high - k.low) / 2)}" if k else ""
-        rows.add_row(label(h.knob), text, value, percent(h.least, 2), power)
+        rows.add_row(label(h.setting), text, value, percent(h.least, 2), power)
     return rows
 
 
 def _plain(x: Any) -> Any:
-    """As JSON has it."""
+    """A value as json.dumps takes it: records as dicts without pictures, arrays as lists, None for an infinite
+    number."""
     if isinstance(x, float):
         return x if isfinite(x) else None
     if isinstance(x, (list, tuple)):

@@ -34,6 +34,7 @@ def slope(x: Sequence[float], squares: Sequence[np.ndarray], spread: Sequence[fl
     if any(m <= student(int(dof)) * d for m, d, dof in zip(means, deviations, dofs)):
         return None
     position, height = np.log(np.asarray(x, np.float64)), np.log(means) / 2
+    # Variances of the logarithms: of the error, and of x.
     own = (deviations / means / 2) ** 2
     across = np.zeros(len(x)) if spread is None else np.asarray(spread, np.float64) ** 2
     if not (own + across).all():

@@ -1,4 +1,4 @@
-"""Study of a scene: measures the knobs, the reference, and the best choices together."""
+"""Study of a scene: measures all choices, the reference, and the best values of all settings together."""
 
 import json
 import os
@@ -25,10 +25,7 @@ from visray.scene.load import checked, load
 from visray.scene.scene import Scene
 from visray.setup import set_threads
 from visray.study.cost import comparing
-from visray.study.cost.errors import FEWEST as FEWEST_SEEDS
-from visray.study.cost.errors import judged
-from visray.study.cost.hits import geometry
-from visray.study.cost.knobs import (
+from visray.study.cost.choices import (
     KEPT,
     MORE,
     MOST_SAMPLES,
@@ -36,11 +33,14 @@ from visray.study.cost.knobs import (
     SPP,
     TOGETHER,
     Choice,
-    Knob,
+    VariedSetting,
     default,
-    knobs,
     sample_counts,
+    varied_settings,
 )
+from visray.study.cost.errors import FEWEST as FEWEST_SEEDS
+from visray.study.cost.errors import judged
+from visray.study.cost.hits import geometry
 from visray.study.cost.measuring import LONGEST, Elsewhere, Measurement, Studio, reduced
 from visray.study.cost.on_workers import measured_on
 from visray.study.cost.page import display, page
@@ -59,7 +59,7 @@ BUDGETS = (16.0, 30.0, 8.0), (120.0, 150.0, 50.0)
 HURRIED = 2.0
 # Distance of the reference's seeds from those of the records.
 APART = 2**31
-# These knobs may change hits; all others only change how many rays there are.
+# These settings may change hits; all others only change how many rays there are.
 OF_HITS = ("scene", "precision", "roots", "accelerator")
 FIXED = {
     "scatter": "settings.scatter.depth = {0.scatter.depth} says which light there is; it was not changed",
@@ -98,7 +98,7 @@ class Study(Report):
 
 
 def check_report(path: str | os.PathLike[str]) -> None:
-    """Returns if a report may have this name, else raises a UserError."""
+    """Raises a UserError unless the end of the name says the format of a report."""
     if Path(path).suffix.lower() not in SUFFIXES:
         raise UserError(f"{path}: the name says no format of a report; end it in {', '.join(SUFFIXES)}")
 
@@ -144,24 +144,25 @@ def studied(
 ) -> Study:
     """The study of a scene with `count` seeds.
 
-    for_tuning: leaves out what `tune` does not need: FLIP, hits, the joint records, and knobs that it does not turn
+    for_tuning: leaves out what `tune` does not need: FLIP, hits, the joint records, and settings that it never
+        changes
     elsewhere: what measures the turns; None: this process does
     """
     small = reduced(scene, LONGEST[not quick])
-    turned, budgets = [k for k in knobs(small) if not (for_tuning and k.name in KEPT)], BUDGETS[not quick]
-    first, own = scene.settings.seed, default(small, turned)
+    varied, budgets = [s for s in varied_settings(small) if not (for_tuning and s.name in KEPT)], BUDGETS[not quick]
+    first, own = scene.settings.seed, default(small, varied)
     studio = Studio(small, [(first + i) % 2**32 for i in range(count)], interrupts, progress, elsewhere)
-    choices = [own, *(c for k in turned for c in k.choices(quick) if not c.own)]
+    choices = [own, *(c for s in varied for c in s.choices(quick) if not c.own)]
     studio, measured = _measured(studio, choices, budgets[0])
     stopped, small = interrupts.requested, studio.scene
-    # Tolerances become 0 in the reference, whether they are turned here or not.
-    zero = [address for k in knobs(small) if k.name == "roots" for address in k.all[0].settings]
+    # Tolerances become 0 in the reference, whether they are varied here or not.
+    zero = [address for s in varied_settings(small) if s.name == "roots" for address in s.all[0].settings]
     seeds = tuple((first + APART + i) % 2**32 for i in range(2))
     seconds = HURRIED if stopped else budgets[1]
     true = truth(small, zero, min(map(_noise, measured)), seeds, seconds, studio.mark, interrupts, progress)
     points = [_record(m, own, true, not for_tuning) for m in measured]
     same = all((p == measured[0].parts[0][0]).all() for p in measured[0].parts)
-    curves = tuple(_curve(k, points, quick, not same) for k in turned)
+    curves = tuple(_curve(s, points, quick, not same) for s in varied)
     joint = None if stopped or same or for_tuning else _joint(studio, points[0], curves, measured[0], true, quick)
     every = (*curves, joint) if joint else curves
     # Without noise there is nothing that samples could reduce.
@@ -201,19 +202,19 @@ def _measured(studio: Studio, choices: Sequence[Choice], budget: float) -> tuple
 def _joint(
     studio: Studio, own: Record, curves: tuple[Curve, ...], base: Measurement, true: Truth, quick: bool
 ) -> Curve | None:
-    """The curve of samples per pixel with the best values of all other knobs. None after Ctrl-C, and where only the
-    sampler would change, whose curve exists already.
+    """The curve of samples per pixel with the best values of all other settings. None after Ctrl-C, if no choice
+    fits into the budget, or if only the sampler would change: its curve exists already.
 
     The scene as it is is measured again in the same turns; it corrects for a change of the machine's speed.
     """
-    turned = comparing.together(curves, own)
-    if set(turned) <= {SAMPLER}:
+    best = comparing.together(curves, own)
+    if set(best) <= {SAMPLER}:
         return None
     spp = own.settings[SPP]
-    sampler = turned.get(SAMPLER, own.settings[SAMPLER])
+    sampler = best.get(SAMPLER, own.settings[SAMPLER])
     counts = sorted({*sample_counts(sampler, quick), spp, min(MORE * spp, MOST_SAMPLES)})
-    choices = [Choice(TOGETHER, n, turned | {SPP: n}) for n in counts]
-    again, *ready = studio.prepared([replace(base.choice, knob="again"), *choices]) or [None]
+    choices = [Choice(TOGETHER, n, best | {SPP: n}) for n in counts]
+    again, *ready = studio.prepared([replace(base.choice, setting="again"), *choices]) or [None]
     # Times go up by factors of 4, so all together take less than twice as long as the longest.
     ready = [m for m in ready if m.expected * len(studio.seeds) * 2 <= BUDGETS[not quick][2]]
     if studio.interrupts.requested or not ready or studio.measure([again, *ready]) < FEWEST_SEEDS:
@@ -225,19 +226,19 @@ def _joint(
 
 
 def _noise(measurement: Measurement) -> float:
-    """Standard deviation between seeds, relative to the mean luminance; 0 for a black picture."""
+    """Standard deviation of the pictures of a choice between seeds, over the mean luminance; 0 for a black picture."""
     pictures = measurement.pictures
     mean = luminance(pictures.mean(0))
     return float(pictures.var(0, ddof=1, dtype=float).mean() ** 0.5) / mean if mean > 0 else 0.0
 
 
 def _record(measurement: Measurement, own: Choice, true: Truth, with_flip: bool) -> Record:
-    """The record of a choice; with FLIP come the hits."""
+    """The record of a choice. with_flip: whether it has FLIP, and the comparison of hits where they may differ."""
     choice, r, pictures = measurement.choice, true.reference, measurement.pictures
     error, squares, error_map = judged(pictures, r.picture, r.variance, r.luminance, with_flip)
-    hits = with_flip and choice.knob in OF_HITS
+    hits = with_flip and choice.setting in OF_HITS
     return Record(
-        knob=choice.knob,
+        setting=choice.setting,
         value=choice.value,
         settings=own.settings | choice.settings,
         seconds=measurement.seconds,
@@ -252,21 +253,24 @@ def _record(measurement: Measurement, own: Choice, true: Truth, with_flip: bool)
     )
 
 
-def _curve(knob: Knob, points: list[Record], quick: bool, noisy: bool) -> Curve:
-    """The records of a knob, with the scene as it is among them."""
-    by_value = {p.value: p for p in points if p.knob == knob.name}
+def _curve(varied: VariedSetting, points: list[Record], quick: bool, noisy: bool) -> Curve:
+    """The records of a setting, with the scene as it is among them. noisy: whether samples have noise to reduce."""
+    by_value = {p.value: p for p in points if p.setting == varied.name}
     row = tuple(
-        replace(points[0], knob=knob.name, value=c.value) if c.own else by_value[c.value] for c in knob.choices(quick)
+        replace(points[0], setting=varied.name, value=c.value) if c.own else by_value[c.value]
+        for c in varied.choices(quick)
     )
-    return sloped(knob.name, knob.kind, row) if knob.kind == "sampling" and noisy else Curve(knob.name, knob.kind, row)
+    if varied.kind == "sampling" and noisy:
+        return sloped(varied.name, varied.kind, row)
+    return Curve(varied.name, varied.kind, row)
 
 
-def sloped(knob: str, kind: str, row: tuple[Record, ...]) -> Curve:
+def sloped(setting: str, kind: str, row: tuple[Record, ...]) -> Curve:
     """The curve of these records, with slopes."""
     times, squares = [p.seconds for p in row], [p.squares for p in row]
     spread = [log(t.high / t.low) / 2 / QUANTILE for t in times]
     by_time, by_count = slope([t.middle for t in times], squares, spread), slope([p.value for p in row], squares)
-    return Curve(knob, kind, row, by_time, by_count)
+    return Curve(setting, kind, row, by_time, by_count)
 
 
 def _notes(scene: Scene) -> list[str]:

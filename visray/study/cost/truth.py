@@ -21,8 +21,8 @@ from visray.progress import Bar, Interrupts
 from visray.scene.address import changed
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare
+from visray.study.cost.choices import DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.errors import split
-from visray.study.cost.knobs import DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.measuring import Measurement, blank, developed, exposed
 from visray.study.cost.records import Reference
 
@@ -54,6 +54,7 @@ def truth(
 
     zero: addresses of tolerances, which become 0
     best: least noise of the records, relative
+    mark: as in Studio
     After Ctrl-C it keeps the samples so far, at least FIRST in each half.
     """
     begun = clock.now()
@@ -154,12 +155,12 @@ def floors(measurements: list[Measurement], reference: Reference) -> dict[str, f
     measurements: of the scene as it is and of all choices, with the same seeds
     """
     limits = {"8-bit output": output(reference)}
-    by = {(m.choice.knob, m.choice.value): m for m in measurements}
+    by = {(m.choice.setting, m.choice.value): m for m in measurements}
     own = by["scene", "as it is"]
     single, double = (by.get(("precision", x), own) for x in ("single", "double"))
     if (bias := difference(single, double, reference)) is not None:
         limits["single precision"] = bias
-    depths = {m.choice.value: m for m in measurements if m.choice.knob == "depth"}
+    depths = {m.choice.value: m for m in measurements if m.choice.setting == "depth"}
     depth = own.prepared.scene.settings.depth
     if depths and max(depths) > depth and (bias := difference(own, depths[max(depths)], reference)) is not None:
         limits[f"depth {depth}"] = bias

@@ -1,4 +1,4 @@
-"""Records of a choice of knobs: the target, the renders, and the result."""
+"""Records of a tuned scene: the target, the renders, and the result."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -54,7 +54,7 @@ class Target:
 class Measured:
     """Adaptive renders to the target, at the scene's own size.
 
-    settings: values of all knobs, by address
+    settings: values of all settings that `tune` chooses, by address
     seconds: of one render, after its kernels are compiled and the scene is prepared
     error: relative error, noise and bias together
     spp: mean samples per pixel
@@ -68,10 +68,10 @@ class Measured:
 
 @dataclass(frozen=True)
 class Tuned:
-    """The result of a choice of knobs.
+    """The settings that `tune` chose, and what they bring.
 
     target: what was asked for
-    settings: values of all knobs, by address
+    settings: values of all settings that `tune` chooses, by address
     changed: those that differ from the scene's
     after: renders with these settings
     before: renders with the scene's own settings; None if these cannot reach the target

@@ -1,11 +1,11 @@
-"""Choice of the knobs of a scene for an error or for a time.
+"""Choice of the settings of a scene for an error or for a time.
 
-A study measures the curves of all knobs on reduced pictures. The candidate takes the best measured value of each knob,
-if that value is better beyond the noise (comparing.together). Its path depth is the least that leaves out far less than
-the error, measured at the scene's own size. Its precision becomes double only if single cannot reach the error.
-Accelerator, root tolerance and texture filter stay.
+A study measures the curves of all settings on reduced pictures. The candidate takes the best measured value of each
+setting, if that value is better beyond the noise (comparing.together). Its path depth is the least that leaves out far
+less than the error, measured at the scene's own size. Its precision becomes double only if single cannot reach the
+error. Accelerator, root tolerance and texture filter stay.
 
-Samples per pixel are no knob here: the adaptive sampler chooses them (visray/adaptive). It renders the scene to the
+Samples per pixel are not chosen here: the adaptive sampler chooses them (visray/adaptive). It renders the scene to the
 target at its own size, with the scene's own settings and with the candidate, and estimates both errors without bias.
 The candidate is taken only if its render was better.
 """
@@ -34,8 +34,8 @@ from visray.scene.load import checked, load
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare, set_threads
 from visray.study.cost import study
+from visray.study.cost.choices import DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.comparing import GAIN, own_samples, together
-from visray.study.cost.knobs import DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.measuring import band
 from visray.study.cost.records import Band, Report, Settings
 from visray.study.cost.tuned import Measured, Target, Tuned
@@ -136,10 +136,10 @@ class _Tuner:
 
     def _together(self) -> Settings:
         """The best measured values of the sampler and of the numbers of light samples and rays."""
-        turned = together(self.report.curves, self.report.default)
-        settings = {a: v for a, v in turned.items() if a not in (SPP, SAMPLER, DEPTH, PRECISION)}
+        best = together(self.report.curves, self.report.default)
+        settings = {a: v for a, v in best.items() if a not in (SPP, SAMPLER, DEPTH, PRECISION)}
         # The adaptive sampler takes Sobol points in place of stratified ones.
-        sampler, own = (adaptive_sampler(x) for x in (turned.get(SAMPLER, self.own[SAMPLER]), self.own[SAMPLER]))
+        sampler, own = (adaptive_sampler(x) for x in (best.get(SAMPLER, self.own[SAMPLER]), self.own[SAMPLER]))
         return settings | ({SAMPLER: sampler} if sampler != own else {})
 
     def _precision(self, error: float) -> Settings:
@@ -154,7 +154,7 @@ class _Tuner:
         if DEPTH not in self.own:
             return {}
         own, biases = self.own[DEPTH], self.depth_biases()
-        points = {p.value: p for c in self.report.curves if c.knob == "depth" for p in c.points}
+        points = {p.value: p for c in self.report.curves if c.setting == "depth" for p in c.points}
         for depth in sorted(biases):
             faster = points[depth].seconds.high < self.report.default.seconds.low
             if biases[depth].high <= BELOW * error**2 and (depth >= own or faster):
@@ -163,7 +163,7 @@ class _Tuner:
 
     def depth_biases(self) -> dict[int, Band]:
         """Squared relative bias of each depth of the study, at the scene's own size."""
-        depths = tuple(p.value for c in self.report.curves if c.knob == "depth" for p in c.points)
+        depths = tuple(p.value for c in self.report.curves if c.setting == "depth" for p in c.points)
         buffer = DualBuffer(prepare(adjusted(self.scene, sampler="sobol")))
         buffer.extend(np.full_like(buffer.counts, PILOT))
         scale = (buffer.estimate().luminance or 1.0) ** 2
@@ -216,6 +216,7 @@ class _Tuner:
         return Measured(settings, Band(seconds, seconds, seconds), error, facts["spp"])
 
     def _changes(self, settings: Settings) -> Settings:
+        """Those of the settings that differ from the scene's own."""
         return {a: v for a, v in settings.items() if v != self.own[a]}
 
     def _result(self, before: Measured | None, best: Measured) -> Tuned:

@@ -17,7 +17,7 @@ def number(x: float | None, digits: int = 3) -> str:
 
 
 def hundredths(x: float) -> str:
-    """With two decimals; what rounds to 0 has no sign."""
+    """A number with two decimals; what rounds to 0 has no sign."""
     return f"{round(x, 2) + 0.0:.2f}"
 
 
@@ -54,7 +54,7 @@ def duration(seconds: float | Band | None) -> str:
 
 
 def written(value: Any) -> str:
-    """A knob's value, or a setting, as text."""
+    """The value of a setting or of an address as text."""
     if isinstance(value, bool) or value is None:
         return {True: "on", False: "off", None: "-"}[value]
     if isinstance(value, dict):

@@ -1,7 +1,7 @@
-"""Knobs of a scene: the settings that trade accuracy for time, for the effects that the scene uses.
+"""Settings that a study varies, and their choices: what trades accuracy for time, for the effects that a scene uses.
 
-Settings that define the light are no knobs: settings.scatter.depth and occlusion.distance say which light there is, not
-how accurately it is computed.
+Settings that define the light are not varied: settings.scatter.depth and settings.occlusion.distance say which light
+there is, not how accurately it is computed.
 """
 
 from collections.abc import Callable, Iterable
@@ -30,21 +30,22 @@ FACTORS = (1 / 4, 1 / 2, 1, 2, 4), (1 / 4, 1 / 2, 1, 2, 4, 16)
 TOLERANCES = (0.0, 1e-9, 1e-3), (0.0, 1e-12, 1e-9, 1e-6, 1e-3)
 # The largest values that the fields of a scene allow.
 MOST_SAMPLES, MOST_RAYS = 2**22, 2**16
-# These knobs are measured, but never recommended or tuned: they change more than the error shows.
+# These settings are measured, but never recommended or tuned: they change more than the error shows.
 KEPT = ("roots", "accelerator", "texture filter")
-TOGETHER = "together"  # the name of the best values of all knobs at once
+TOGETHER = "together"  # the name of the best values of all settings at once
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One value of a knob.
+    """One value of a setting.
 
-    knob, value: its name and value
-    settings: all settings that the knob turns, by address
+    setting: the setting's name, as in VariedSetting
+    value: the value
+    settings: the values that it gives to fields of the scene, by address
     own: whether it is the scene's own value
     """
 
-    knob: str
+    setting: str
     value: Any
     settings: dict[str, Any]
     own: bool = False
@@ -55,10 +56,10 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Knob:
-    """A setting, or a few settings, that are turned together.
+class VariedSetting:
+    """What a study varies: a field of the scene, or a few that change together.
 
-    name: its name
+    name: its name, such as "depth" or "samples, sobol"
     kind: "sampling", "bias" or "step", as in Curve
     few, all: choices of the quick and of the full study, in the order of value; the scene's own is among them, except
         for a sampler that the scene does not use
@@ -73,40 +74,41 @@ class Knob:
         return self.few if quick else self.all
 
 
-def is_samples(knob: str) -> bool:
-    """Whether the knob is the samples per pixel: of a sampler, or with the best values of all knobs together."""
-    return knob.startswith("samples, ") or knob == TOGETHER
+def is_samples(setting: str) -> bool:
+    """Whether the setting of this name is the samples per pixel: of a sampler, or with the best values of all settings
+    together."""
+    return setting.startswith("samples, ") or setting == TOGETHER
 
 
-def knobs(scene: Scene) -> tuple[Knob, ...]:
-    """Knobs of a scene; the samplers first."""
-    on, settings = explain(scene), scene.settings
-    turned = [_samples(scene, sampler) for sampler in SAMPLERS]
+def varied_settings(scene: Scene) -> tuple[VariedSetting, ...]:
+    """The settings of a scene that a study varies; the samplers first."""
+    on = explain(scene)
+    found = [_samples(scene, sampler) for sampler in SAMPLERS]
     if on["area lights"] and scene.all_objects:
-        turned.append(_light_samples(scene))
+        found.append(_light_samples(scene))
     for effect, name, address in (
         ("sky occlusion", "sky rays", SKY),
         ("near occlusion", "near rays", NEAR),
         ("scatter", "scatter rays", SCATTER),
     ):
         if on[effect]:
-            turned.append(_rays(scene, name, address))
+            found.append(_rays(scene, name, address))
     if on["reflection"] or on["refraction"]:
-        turned.append(_depth(settings.depth))
-    turned.append(_of_values("precision", "step", scene, [PRECISION], ("single", "double")))
+        found.append(_depth(scene.settings.depth))
+    found.append(_of_values("precision", "step", scene, [PRECISION], ("single", "double")))
     if curved := [f"{address}.tolerance" for address, shape in scene.shapes() if _searched(shape)]:
-        turned.append(_of_values("roots", "bias", scene, curved, *TOLERANCES))
+        found.append(_of_values("roots", "bias", scene, curved, *TOLERANCES))
     if scene.all_objects:
         ways = "auto", "none", "lists", "tree"
-        turned.append(_of_values("accelerator", "step", scene, ["settings.accelerator"], ways))
+        found.append(_of_values("accelerator", "step", scene, ["settings.accelerator"], ways))
     if on["textures"] and (images := _images(scene)):
-        turned.append(_of_values("texture filter", "step", scene, images, ("nearest", "bilinear")))
-    return tuple(turned)
+        found.append(_of_values("texture filter", "step", scene, images, ("nearest", "bilinear")))
+    return tuple(found)
 
 
-def default(scene: Scene, turned: Iterable[Knob]) -> Choice:
-    """The scene as it is, with the values of all settings that the knobs turn."""
-    addresses = dict.fromkeys(a for k in turned for c in k.all for a in c.settings)
+def default(scene: Scene, varied: Iterable[VariedSetting]) -> Choice:
+    """The scene as it is, with its own values of all settings that are varied."""
+    addresses = dict.fromkeys(a for s in varied for c in s.all for a in c.settings)
     return Choice("scene", "as it is", {a: value(scene, a) for a in addresses}, own=True)
 
 
@@ -117,7 +119,7 @@ def sample_counts(sampler: str, quick: bool) -> list[int]:
     return sorted({*counts, *(2 * n for n in counts[:-1])}) if sampler == "sobol" else list(counts)
 
 
-def _samples(scene: Scene, sampler: str) -> Knob:
+def _samples(scene: Scene, sampler: str) -> VariedSetting:
     """Samples per pixel with a sampler."""
     own, name = scene.settings, f"samples, {sampler}"
 
@@ -133,7 +135,7 @@ def _samples(scene: Scene, sampler: str) -> Knob:
     )
 
 
-def _light_samples(scene: Scene) -> Knob:
+def _light_samples(scene: Scene) -> VariedSetting:
     """Light samples of all area lights together."""
     own = {f"lights.{name}.samples": light.samples for name, light in scene.lights.items() if light.has_area}
 
@@ -144,7 +146,7 @@ def _light_samples(scene: Scene) -> Knob:
     return _ladder("light samples", "sampling", choice, *FACTORS)
 
 
-def _rays(scene: Scene, name: str, address: str) -> Knob:
+def _rays(scene: Scene, name: str, address: str) -> VariedSetting:
     """Rays of an effect."""
     own = value(scene, address)
 
@@ -155,7 +157,7 @@ def _rays(scene: Scene, name: str, address: str) -> Knob:
     return _ladder(name, "sampling", choice, *FACTORS)
 
 
-def _depth(own: int) -> Knob:
+def _depth(own: int) -> VariedSetting:
     """Path depth of reflections and refractions, up to twice the scene's."""
     powers = [2**k for k in range(own.bit_length()) if 2**k < own]
     few = sorted({*powers, own, min(2 * own, DEEPEST)})
@@ -163,9 +165,9 @@ def _depth(own: int) -> Knob:
     return _ladder("depth", "bias", choice, few, [0, *few])
 
 
-def _of_values(name: str, kind: Kind, scene: Scene, addresses: list[str], few: tuple, all: tuple = ()) -> Knob:
-    """A knob that sets all its addresses to the same value. Where the scene has several values there, they are a choice
-    named `as it is`."""
+def _of_values(name: str, kind: Kind, scene: Scene, addresses: list[str], few: tuple, all: tuple = ()) -> VariedSetting:
+    """A setting that gives the same value to all its addresses. If the scene has several values there, its own choice
+    has the value "as it is"."""
     own = {address: value(scene, address) for address in addresses}
 
     def choice(x: Any) -> Choice:
@@ -180,12 +182,13 @@ def _of_values(name: str, kind: Kind, scene: Scene, addresses: list[str], few: t
     return _ladder(name, kind, choice, *ladders)
 
 
-def _ladder(name: str, kind: Kind, choice: Callable[[Any], Choice], few: Iterable, all: Iterable) -> Knob:
-    """A knob with a choice for each number; equal choices only once."""
-    return Knob(name, kind, *(tuple({c.value: c for c in map(choice, xs)}.values()) for xs in (few, all)))
+def _ladder(name: str, kind: Kind, choice: Callable[[Any], Choice], few: Iterable, all: Iterable) -> VariedSetting:
+    """A setting with one choice for each different value. few, all: what `choice` makes choices of, in order."""
+    return VariedSetting(name, kind, *(tuple({c.value: c for c in map(choice, xs)}.values()) for xs in (few, all)))
 
 
 def _times(n: int, factor: float) -> int:
+    """A number of rays or samples times a factor, from 1 to the largest that a scene allows."""
     return min(max(1, round(n * factor)), MOST_RAYS)
 
 

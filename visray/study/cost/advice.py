@@ -110,6 +110,7 @@ def _choice(price: Price, report: Report) -> str:
 
 
 def _samples(sampler: str, count: Any) -> str:
+    """Samples per pixel in words: "32 sobol samples per pixel"."""
     return f"{written(count)} {sampler} {'sample' if count == 1 else 'samples'} per pixel"
 
 

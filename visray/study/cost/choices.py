@@ -71,6 +71,7 @@ class VariedSetting:
     all: tuple[Choice, ...]
 
     def choices(self, quick: bool) -> tuple[Choice, ...]:
+        """The choices of the quick or of the full study."""
         return self.few if quick else self.all
 
 

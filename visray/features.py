@@ -7,7 +7,7 @@ settings switch effects off, and the picture is bit for bit the same (tests/test
 An address is the dotted name of a value in a scene, such as `materials.red.kd`.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from visray import modes
 from visray.camera import OrthographicCamera
@@ -23,6 +23,7 @@ from visray.feature_rules import (
     used_materials,
 )
 from visray.mesh_report import MeshFacts
+from visray.records import altered
 from visray.scene.edits import canonical
 from visray.scene.scene import Scene
 
@@ -196,7 +197,7 @@ def features(
     """
     asked = {w: _fields_of(w, scene) for w in wrt}
     # The materials in use are found once, not by each rule, since there may be very many objects.
-    scene = replace(scene, materials=used_materials(scene))
+    scene = altered(scene, {"materials": used_materials(scene)})
     largest = max([m.shininess for m in scene.materials.values()], default=0)
     # Rounded up to a multiple of four, so that a small change of a shininess does not change the kernel.
     bits = max(8, 4 * -(-int(largest).bit_length() // 4))

@@ -90,11 +90,12 @@ def record_kind(kind: type) -> type:
 
 
 def altered(record: Any, changes: dict[str, Any]) -> Any:
-    """A copy of a record with other values in some fields, which are not checked."""
+    """A copy of a record, or of a scene, with other values in some fields, which are not checked: they have names in
+    place of entries already."""
     made = object.__new__(type(record))
     made.__dict__.update({f.name: getattr(record, f.name) for f in fields(record)} | changes)
     if hasattr(made, "__post_init__"):
-        made.__post_init__(**dict.fromkeys(_facts(type(record)).inputs))
+        made.__post_init__(**dict.fromkeys(_inputs(type(record))))
     return made
 
 
@@ -127,11 +128,16 @@ class _Facts:
 
 
 @cache
+def _inputs(kind: type) -> dict[str, Any]:
+    """What the constructor of a kind is given, but does not keep, by name, with its types."""
+    return {name: f.type.type for name, f in kind.__dataclass_fields__.items() if isinstance(f.type, InitVar)}
+
+
+@cache
 def _facts(kind: type) -> _Facts:
     """What is known of a kind. It is found when a record of the kind is made, because the types of operands are not
     known before (operands.py)."""
-    declared = [f for f in fields(kind) if f.init]
-    inputs = {name: f.type.type for name, f in kind.__dataclass_fields__.items() if isinstance(f.type, InitVar)}
+    declared, inputs = [f for f in fields(kind) if f.init], _inputs(kind)
     return _Facts(
         (*inputs, *(f.name for f in declared)),
         tuple(f.name for f in declared if not f.kw_only),

@@ -8,6 +8,7 @@ from visray.adaptive.result import adaptive_sampler
 from visray.animation.moment import assignments as moment_assignments
 from visray.animation.moment import still_at
 from visray.live.wishes import Change, Wishes
+from visray.records import altered
 from visray.scene.address import changed
 from visray.scene.check import checked
 from visray.scene.edits import within
@@ -79,4 +80,5 @@ class State:
     def still(self) -> Scene:
         """The scene of this moment, as it is prepared."""
         scene = still_at(self.scene, self.time if self.scene.animation is not None else None)
-        return replace(scene, settings=replace(scene.settings, sampler=adaptive_sampler(scene.settings.sampler)))
+        settings = altered(scene.settings, {"sampler": adaptive_sampler(scene.settings.sampler)})
+        return altered(scene, {"settings": settings})

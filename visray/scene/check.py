@@ -10,7 +10,7 @@ shortcut, to report all errors at once.
 
 import sys
 from collections.abc import Iterator
-from dataclasses import is_dataclass, replace
+from dataclasses import is_dataclass
 from itertools import islice
 from typing import Any
 
@@ -26,6 +26,7 @@ from visray.primitives.csg_operands import has_operands
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.quantities import Name
+from visray.records import altered
 from visray.scene.animation_flaws import animation_flaws
 from visray.scene.animation_targets import still
 from visray.scene.animation_values import track_values
@@ -143,7 +144,7 @@ def _accepted(raw: dict) -> Scene | None:
     except ValidationError:
         return None
     joined = {name: _joined(entries, known[name], getattr(new, name)) for name, entries in sections.items()}
-    scene = replace(new, **joined)
+    scene = altered(new, joined)
     made = with_operands(scene)
     wrong = _has_own_flaws(new) or _has_wrong_reference(scene, made) or _has_mesh_flaws(scene, made)
     if wrong or data_flaws(scene):
@@ -218,8 +219,10 @@ def _has_mesh_flaws(scene: Scene, made: dict) -> bool:
     time, because mesh files may change. made: as in _has_wrong_reference."""
     shapes = [*scene.objects.values(), *scene.geometries.values()]
     inner = [x.shape for walk in made.values() for x in walk]
-    return any(shape.flaws() for shape in (*shapes, *inner) if type(shape) is Mesh) or any(
-        uv_flaw(scene, obj.material, shape_named(scene, obj)) for obj in scene.objects.values()
+    meshes = [shape for shape in (*shapes, *inner) if type(shape) is Mesh]
+    # Where there are no meshes, none of very many objects is looked at.
+    return any(mesh.flaws() for mesh in meshes) or any(
+        uv_flaw(scene, obj.material, shape_named(scene, obj)) for obj in (scene.objects.values() if meshes else ())
     )
 
 

@@ -278,6 +278,8 @@ class Scene(Buildable):
         """The parts with one of these materials, by name, in the order of `parts`."""
         if self.data is not None:
             return self.all_objects.of_materials(materials, self.materials_of)
+        if not materials:
+            return {}
         return {name: x for name, x in self.objects.items() if not set(self.materials_of(x)).isdisjoint(materials)}
 
     def sides_of(self, material: str) -> tuple[str, str]:

@@ -102,7 +102,7 @@ jacobian wavefront
 environment_report setup motion_blur passes attached_picture
 surface_motion motion_vectors moving frame_checks
 dark
-adaptive
+adaptive depth_report
 cluster.quiet cluster.folders cluster.local cluster.address cluster.scene_package cluster.kept_scenes cluster.refusal
 cluster.part cluster.worker
 cluster.merging cluster.asking cluster.crew cluster.scheduler cluster.connecting cluster.picture cluster.frames cluster

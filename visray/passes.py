@@ -26,6 +26,8 @@ def subset(prepared: Prepared, lanes: np.ndarray) -> Prepared:
     """The prepared scene with only some of its pixels. lanes: numbers of the lanes to keep, or a mask (one lane is one
     pixel)."""
     x, y = (prepared.a.put(prepared.a.U, np.array(v)[lanes]) for v in (prepared.x, prepared.y))
+    # Else these gathers would be a part of the kernel, which would be another one than that of the whole picture.
+    dr.eval(x, y)
     return replace(prepared, order=prepared.order[lanes], x=x, y=y)
 
 

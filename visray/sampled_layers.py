@@ -13,6 +13,7 @@ from visray.adaptive.stopping import Goal
 from visray.checkpoint import Checkpoint
 from visray.cluster.picture import Job, expose_on
 from visray.dark import dark_notes, warn_of_dark
+from visray.depth_report import depth_facts
 from visray.errors import StoppedWarning
 from visray.film import Film
 from visray.pass_timer import LONGEST_PASS, PassTimer
@@ -50,6 +51,8 @@ def layers_of_spp(
     if checkpoint is not None:
         checkpoint.end(film, finished=not stopped)
     values, facts = developed(prepared, film)
+    if job is None:  # workers have the kernel, which would have to be compiled here
+        facts |= depth_facts(prepared, film, progress, interrupts)
     # Frees the film. If there are many pixels, the layers of the first hit may need its memory.
     del film
     if stopped and timer.compile_seconds - compiled_before > LONGEST_PASS:

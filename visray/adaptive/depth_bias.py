@@ -12,6 +12,7 @@ import numpy as np
 
 from visray.adaptive.dual_buffer import QUANTILE, DualBuffer, window_sums
 from visray.passes import subset
+from visray.scene.scene import DEEPEST
 from visray.setup import Prepared
 
 # Largest and smallest number of test pixels. Largest number of samples of a test pixel in each half; also if few paths
@@ -35,6 +36,23 @@ class DepthBias:
     square: float
     low: float
     high: float
+
+
+def depth_without_bias(depth: int) -> int:
+    """The depth of the pictures with which those of a depth are compared."""
+    return min(8 * depth + 8, 2 * DEEPEST)
+
+
+def deeper_than(depth: int) -> tuple[int, ...]:
+    """Larger depths that may be recommended in place of a depth, in order. () for the largest one."""
+    return tuple(sorted({min(n, DEEPEST) for n in (2 * depth + 2, 4 * depth + 4)} - {depth}))
+
+
+def with_depth(prepared: Prepared, depth: int) -> Prepared:
+    """The prepared scene with another settings.depth in its kernel. No kernel is compiled, because the depth is an
+    input of the kernel."""
+    limits = (dr.opaque(prepared.a.U, depth), prepared.kernel.bounce_limits[1])
+    return replace(prepared, kernel=replace(prepared.kernel, bounce_limits=limits))
 
 
 def depth_biases(
@@ -140,11 +158,10 @@ def _means(prepared: Prepared, counts: np.ndarray, depth: int) -> tuple[np.ndarr
 
 
 def _rendered(prepared: Prepared, depth: int, targets: np.ndarray) -> DualBuffer:
-    """Dual buffer, rendered with another depth. No kernel is compiled, because the depth is an input of the kernel.
+    """Dual buffer, rendered with another depth.
 
     targets: number of samples of each lane of the dual buffer. Shape: (2 N).
     """
-    limits = (dr.opaque(prepared.a.U, depth), prepared.kernel.bounce_limits[1])
-    buffer = DualBuffer(replace(prepared, kernel=replace(prepared.kernel, bounce_limits=limits)))
+    buffer = DualBuffer(with_depth(prepared, depth))
     buffer.extend(targets)
     return buffer

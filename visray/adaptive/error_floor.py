@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from visray.adaptive.depth_bias import PIXELS, SAMPLES, DepthBias, depth_biases
+from visray.adaptive.depth_bias import PIXELS, SAMPLES, DepthBias, deeper_than, depth_biases, depth_without_bias
 from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.estimate import Estimate
 from visray.errors import UserError
@@ -18,8 +18,6 @@ from visray.geometry import gamma as rounded
 from visray.output.curves import Gamma
 from visray.output.rounding import rounding
 
-# Largest settings.depth of a scene.
-DEEPEST = 1000
 # Share of the remaining time that the estimate of the depth bias may take.
 DEPTH_SHARE = 0.05
 # Factor by which the number of test pixels grows if the first estimate of the depth bias is too uncertain.
@@ -116,14 +114,13 @@ def checked_floor(
     # If the scene has no reflection and no refraction, there is no bias. A depth of 0 switches both off.
     if not (on["reflection"] or on["refraction"]):
         return Floor(DepthBias(depth, 0.0, 0.0, 0.0), file_square)
-    reference_depth = min(8 * depth + 8, 2 * DEEPEST)
+    reference_depth = depth_without_bias(depth)
     (bias,) = depth_biases(buffer, (depth,), reference_depth, DEPTH_SHARE * seconds)
     if bias.low <= absolute**2 / 2 < bias.high and seconds == np.inf:
         # The interval is too wide to decide whether the error can be reached.
         (bias,) = depth_biases(buffer, (depth,), reference_depth, pixels=MORE_PIXELS * PIXELS, count=SAMPLES)
     if bias.high > absolute**2:
-        deeper = sorted({min(n, DEEPEST) for n in (2 * depth + 2, 4 * depth + 4)})
-        biases = depth_biases(buffer, tuple(deeper), reference_depth)
+        biases = depth_biases(buffer, deeper_than(depth), reference_depth)
         good = [b.depth for b in biases if b.high <= absolute**2 / 4]
         interval = " to ".join(f"{np.sqrt(max(x, 0)) / estimate.luminance:.2g}" for x in (bias.low, bias.high))
         remedy = f"settings.depth = {good[0]} would do" if good else "raise settings.depth"

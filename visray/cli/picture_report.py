@@ -9,7 +9,18 @@ if TYPE_CHECKING:
 
 # The facts that --json reports: for every picture, for pictures with --error or --time, and for pictures of polynomial
 # surfaces or tori.
-FACTS = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads", "error_at_most")
+FACTS = (
+    "spp",
+    "seed",
+    "precision",
+    "backend",
+    "features",
+    "scene_hash",
+    "render_seconds",
+    "threads",
+    "error_at_most",
+    "depth_error_at_least",
+)
 ADAPTIVE_FACTS = (
     "sampler", "spp_least", "spp_most", "error", "error_low", "error_high", "depth_error", "file_error", "error_asked",
     "time_asked", "time_missed", "unseen_error", "unseen", "small_object_pixels", "forecast_error", "forecast_spp",
@@ -74,9 +85,15 @@ def _error(facts: dict[str, Any]) -> str:
         if "error_at_most" not in facts:
             return ""
         most, bound = facts["error_at_most"], "" if facts["sampler"] == "independent" else "below "
-        if most < SINGLE:
-            return "no noise seen"
-        return f"error {bound}{_percent(most)} %" if most < 1 else "error unknown: too few samples"
+        if most >= 1:
+            return "error unknown: too few samples"
+        noise = "no noise seen" if most < SINGLE else f"error {bound}{_percent(most)} %"
+        depth = facts.get("depth_error_at_least", 0.0)
+        # The squares of errors add up. So one of a fifth of the other changes the error by about 2 %, as below.
+        if depth <= max(0.2 * most, SINGLE):
+            return noise
+        least = f"at least {_percent(depth)} % by settings.depth"
+        return f"error {least}" if most < SINGLE else f"{noise} by noise, {least}"
     if not facts["error_high"]:
         return "no noise"
     middle, low, high = (_percent(facts[f"error{end}"], 3) for end in ("", "_low", "_high"))

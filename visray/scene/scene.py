@@ -75,7 +75,9 @@ Background = Annotated[
     BeforeValidator(_no_file),
 ]
 Rays = Annotated[int, Field(strict=True, ge=0, le=2**16)]
-Depth = Annotated[int, Field(strict=True, ge=0, le=1000)]
+# Largest settings.depth of a scene.
+DEEPEST = 1000
+Depth = Annotated[int, Field(strict=True, ge=0, le=DEEPEST)]
 
 
 @record_kind

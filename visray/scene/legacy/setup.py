@@ -11,10 +11,7 @@ from visray.scene.legacy.keys import MODELS, OCCLUSION, RENDERS, SHADINGS
 from visray.scene.legacy.lights import lights
 from visray.scene.legacy.materials import EnabledEffects
 from visray.scene.messages import line
-from visray.scene.scene import Settings
-
-# Largest settings.depth of a visray scene.
-DEEPEST = 1000
+from visray.scene.scene import DEEPEST, Settings
 
 
 def enabled_effects(e: Entry) -> EnabledEffects:

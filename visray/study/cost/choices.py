@@ -8,12 +8,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from visray.adaptive.error_floor import DEEPEST
 from visray.explaining import explain
 from visray.feature_rules import used_materials
 from visray.primitives import Polynomial
 from visray.scene.address import changed, value
-from visray.scene.scene import Scene
+from visray.scene.scene import DEEPEST, Scene
 from visray.textures import ImageTexture
 
 Kind = Literal["sampling", "bias", "step"]

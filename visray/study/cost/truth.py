@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from visray import clock
-from visray.adaptive.error_floor import DEEPEST
 from visray.explaining import explain
 from visray.geometry import UNIT_ROUNDOFF
 from visray.output.curves import LUMINANCE
@@ -19,7 +18,7 @@ from visray.output.rounding import rounding
 from visray.pass_timer import PASS_SECONDS
 from visray.progress import Bar, Interrupts
 from visray.scene.address import changed
-from visray.scene.scene import Scene
+from visray.scene.scene import DEEPEST, Scene
 from visray.setup import Prepared, prepare
 from visray.study.cost.choices import DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.errors import split

@@ -19,7 +19,7 @@ import numpy as np
 from visray import clock
 from visray.adaptive.depth_bias import depth_biases
 from visray.adaptive.dual_buffer import DualBuffer
-from visray.adaptive.error_floor import DEEPEST, LARGER, Files, check_precision
+from visray.adaptive.error_floor import LARGER, Files, check_precision
 from visray.adaptive.evidence import NotANumber
 from visray.adaptive.result import adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
@@ -31,7 +31,7 @@ from visray.progress import Interrupts
 from visray.scene.address import changed
 from visray.scene.adjusted import adjusted
 from visray.scene.load import checked, load
-from visray.scene.scene import Scene
+from visray.scene.scene import DEEPEST, Scene
 from visray.setup import Prepared, prepare, set_threads
 from visray.study.cost import study
 from visray.study.cost.choices import DEPTH, PRECISION, SAMPLER, SPP

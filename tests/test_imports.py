@@ -66,7 +66,7 @@ animation.track animation.interpolation animation.rotations animation.curves ani
 animation.key_values animation.paths animation.keys animation.orbit animation.spin animation.path animation.ellipse
 animation.kinds animation.animation animation.frames animation
 scene.film scene.naming scene.building scene.summary scene.scene
-data.row_balls things blocking surroundings fitted_scene
+data.row_balls shape_bounds things blocking surroundings fitted_scene
 scene
 animation.moment
 data_report mesh_report clip_report filter_report constant_report csg_report track_report

@@ -4,6 +4,7 @@ Camera axes are three unit vectors of the world: to the right, upwards and forwa
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,11 @@ class Balls:
 
     def box(self) -> tuple[np.ndarray, np.ndarray]:
         """The low and the high corner of their bounding box. Shape: (3) each."""
+        return self._box
+
+    @cached_property
+    def _box(self) -> tuple[np.ndarray, np.ndarray]:
+        """As box, which many cameras and lights ask for."""
         low, high = ((self.centre + s * self.radius[:, None]) for s in (-1, 1))
         return low.min(axis=0), high.max(axis=0)
 
@@ -54,6 +60,11 @@ class Balls:
 
     def reach(self) -> float:
         """Radius of a ball about the middle that contains them all."""
+        return self._reach
+
+    @cached_property
+    def _reach(self) -> float:
+        """As reach, which many cameras and lights ask for."""
         return float((np.linalg.norm(self.centre - self.middle(), axis=1) + self.radius).max())
 
 

@@ -93,10 +93,16 @@ def altered(record: Any, changes: dict[str, Any]) -> Any:
     """A copy of a record, or of a scene, with other values in some fields, which are not checked: they have names in
     place of entries already."""
     made = object.__new__(type(record))
-    made.__dict__.update({f.name: getattr(record, f.name) for f in fields(record)} | changes)
+    made.__dict__.update({name: getattr(record, name) for name in _field_names(type(record))} | changes)
     if hasattr(made, "__post_init__"):
         made.__post_init__(**dict.fromkeys(_inputs(type(record))))
     return made
+
+
+@cache
+def _field_names(kind: type) -> tuple[str, ...]:
+    """Names of the fields of a kind."""
+    return tuple(f.name for f in fields(kind))
 
 
 @dataclass(frozen=True)

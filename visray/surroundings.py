@@ -48,7 +48,7 @@ class Stage:
         ordered = [x for x in things if id(x) in shown]
         return Stage(tuple(ordered), (*endless, *bounded[keep:]))
 
-    @property
+    @cached_property
     def balls(self) -> Balls | None:
         """Balls that contain all that must be in the picture; None if there is nothing."""
         return _union(self.shown) if self.shown else None

@@ -172,8 +172,10 @@ class Mesh(Primitive):
         fit = (self.fit.low, self.fit.high) if isinstance(self.fit, FitBox) else self.fit
         crease = self.crease if self.normals == "smooth" else None
         key = self.file, stamp, self.part, self.vertices, self.faces, self.normals, crease, fit
-        shape = _cache.pop(key, None) or _shape(*key)
-        _cache[key] = shape
+        if (known := _cache.pop(key, None)) is not None:
+            _cache[key] = known
+            return known
+        _cache[key] = shape = _shape(*key)
         while len(_cache) > 1 and sum(other.bytes for other in _cache.values()) > CACHE_BYTES:
             del _cache[next(iter(_cache))]
         return shape

@@ -33,6 +33,7 @@ it for a kind that is defined by a polynomial, such as the torus.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, ClassVar
 
 import drjit as dr
@@ -336,8 +337,14 @@ def scalars(record: Any) -> Any:
 
     So methods that are written for kernels, such as `frame`, also run on plain numbers outside of kernels.
     """
-    triples = [name for name, q in quantities(type(record)).items() if q.size == 3]
+    triples = _triples(type(record))
     return altered(record, {k: dr.scalar.Array3f64(*getattr(record, k)) for k in triples}) if triples else record
+
+
+@cache
+def _triples(kind: type) -> tuple[str, ...]:
+    """Names of the fields of a kind that are vectors."""
+    return tuple(name for name, q in quantities(kind).items() if q.size == 3)
 
 
 def transform_frame(primitive: Primitive) -> Frame | None:

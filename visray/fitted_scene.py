@@ -6,14 +6,17 @@ shadows and a weak fill light, which stand to the camera as a rig says (fitting.
 picture (surroundings.py). A camera `{}` is the default camera, and lights `{}` are none.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from visray.camera import Camera, OrthographicCamera
 from visray.data import fit
-from visray.fitting import FOV, Balls, Rig, Window, fitted_lights, fitted_view
+from visray.fitting import FOV, Balls, Rig, Window, fitted_lights, fitted_origin, fitted_view
 from visray.lights.light import Light
+from visray.scene.garbage import uncollected
 from visray.scene.scene import Scene
 from visray.surroundings import Stage
 from visray.things import things_of
@@ -43,6 +46,7 @@ DONE = {
 }
 
 
+@uncollected()
 def completed(scene: Scene, start: Scene | None = None) -> tuple[Scene, list[str]]:
     """The scene with a camera and lights, and notes on what was fitted. Domain: a scene without flaws.
 
@@ -82,18 +86,40 @@ def _camera(scene: Scene, stage: Stage) -> Camera:
     directions = [_axes(azimuth, elevation) for elevation in ELEVATIONS for azimuth in AZIMUTHS]
     if scene.data is not None and not scene.objects:
         directions = [fit.axes_over(scene.data.base), *directions]
-    best, worth = None, -1.0
+    axes, fov = _best_view(np.array(directions), shown, aspect, stage)
+    return _upright(fitted_view(shown, axes, aspect, WINDOW, fov=fov), scene)
+
+
+def _best_view(directions: np.ndarray, shown: Balls, aspect: float, stage: Stage) -> tuple[np.ndarray, float]:
+    """Camera axes and a vertical angle of view. directions: the axes to choose from, the best first."""
+    best, worth = (directions[0], FOVS[0]), -1.0
     for fov in FOVS:
-        for some in np.array_split(np.array(directions), len(ELEVATIONS)):
-            cameras = [fitted_view(shown, axes, aspect, WINDOW, fov=fov) for axes in some]
-            visible = stage.visible(np.array([x.origin for x in cameras]))
-            first = int(np.argmax(visible >= ENOUGH * visible.max()))
+        for some in np.array_split(directions, len(ELEVATIONS)):
+            axes, visible = _first_enough(some, lambda x, fov=fov: stage.visible(_origins(x, shown, aspect, fov)))
             # Each step further from the usual view must show more.
-            if ENOUGH * visible[first] > worth:
-                best, worth = cameras[first], visible[first]
+            if ENOUGH * visible > worth:
+                best, worth = (axes, fov), visible
             if worth >= ENOUGH:
-                return _upright(best, scene)
-    return _upright(best, scene)
+                return best
+    return best
+
+
+def _first_enough(candidates: Sequence, worth_of: Callable[[Sequence], np.ndarray]) -> tuple[Any, float]:
+    """The first of some candidates whose worth is at least ENOUGH of that of the best one, and its worth.
+
+    worth_of: function that returns the worths of candidates, from 0 to 1.
+    """
+    # Often the first one is worth enough; then the others need not be looked at.
+    worth = worth_of(candidates[:1])
+    if worth[0] < ENOUGH:
+        worth = worth_of(candidates)
+    first = int(np.argmax(worth >= ENOUGH * worth.max()))
+    return candidates[first], float(worth[first])
+
+
+def _origins(views: Sequence[np.ndarray], shown: Balls, aspect: float, fov: float) -> np.ndarray:
+    """The origins of fitted cameras with these axes. Shape: (N, 3)."""
+    return np.array([fitted_origin(shown, axes, aspect, WINDOW, fov) for axes in views])
 
 
 def _upright(camera: Camera, scene: Scene) -> Camera:
@@ -150,10 +176,14 @@ class _Place:
             for small in SMALLER
             for toward in self.directions
         ]
-        lights = [fitted_lights(shown, axes, rig)[self.name] for rig in rigs]
-        points = np.array([x.position for x in lights])
-        worth = stage.visible(points) * stage.free(points, np.array([x.radius for x in lights]))
-        return lights[int(np.argmax(worth >= ENOUGH * worth.max()))]
+
+        def worth(some: Sequence[Rig]) -> np.ndarray:
+            lights = [fitted_lights(shown, axes, rig)[self.name] for rig in some]
+            points = np.array([x.position for x in lights])
+            return stage.visible(points) * stage.free(points, np.array([x.radius for x in lights]))
+
+        rig, _ = _first_enough(rigs, worth)
+        return fitted_lights(shown, axes, rig)[self.name]
 
     @property
     def radius(self) -> float:

@@ -84,15 +84,28 @@ def fitted_view(
     share: of the size of what is shown to which numbers are rounded.
     fov: vertical angle of view, in degrees.
     """
-    w, slope = window or Window(), np.tan(np.radians(fov / 2))
+    origin, z, depth = _place(shown, axes, aspect, window or Window(), fov)
+    target = origin + axes[2] * float(np.median(depth) - z)
+    rounded = _rounding(shown, share)
+    return Camera(origin=rounded(origin), target=rounded(target), up=tuple(np.round(axes[1], 6).tolist()), fov=fov)
+
+
+def fitted_origin(shown: Balls, axes: np.ndarray, aspect: float, window: Window, fov: float) -> tuple:
+    """The origin of the camera of `fitted_view`, with the same arguments, in less time."""
+    return _rounding(shown, ROUNDED)(_place(shown, axes, aspect, window, fov)[0])
+
+
+def _place(
+    shown: Balls, axes: np.ndarray, aspect: float, window: Window, fov: float
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """The origin of the nearest camera, its depth along the view direction, and the depths of the balls' centres.
+    Arguments: as in `fitted_view`. Shapes: (3), (), (N)."""
+    w, slope = window, np.tan(np.radians(fov / 2))
     x, y, depth = axes @ shown.centre.T
     across = _Limits.of(x, depth, shown.radius, w.left * slope * aspect, w.right * slope * aspect)
     upwards = _Limits.of(y, depth, shown.radius, w.bottom * slope, w.top * slope)
     z = min(across.nearest(), upwards.nearest())
-    origin = np.array([across.middle(z), upwards.middle(z), z]) @ axes
-    target = origin + axes[2] * float(np.median(depth) - z)
-    rounded = _rounding(shown, share)
-    return Camera(origin=rounded(origin), target=rounded(target), up=tuple(np.round(axes[1], 6).tolist()), fov=fov)
+    return np.array([across.middle(z), upwards.middle(z), z]) @ axes, z, depth
 
 
 @dataclass(frozen=True)

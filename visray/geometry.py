@@ -141,7 +141,7 @@ class Frame:
 
         Source: the spectral radius of M^T M is at most its largest row sum.
         """
-        xy, xz, yz = (dr.abs(dr.dot(a, b)) for a, b in ((self.x, self.y), (self.x, self.z), (self.y, self.z)))
+        xy, xz, yz = dr.abs(dr.dot(self.x, self.y)), dr.abs(dr.dot(self.x, self.z)), dr.abs(dr.dot(self.y, self.z))
         xx, yy, zz = dr.squared_norm(self.x), dr.squared_norm(self.y), dr.squared_norm(self.z)
         return dr.sqrt(dr.maximum(dr.maximum(xx + xy + xz, yy + xy + yz), zz + xz + yz))
 

@@ -15,6 +15,7 @@ import numpy as np
 from visray.camera import Camera, OrthographicCamera
 from visray.data import fit
 from visray.fitting import FOV, Balls, Rig, Window, fitted_lights, fitted_origin, fitted_view
+from visray.identity_cache import IdentityCache
 from visray.lights.light import Light
 from visray.scene.garbage import uncollected
 from visray.scene.scene import Scene
@@ -38,12 +39,27 @@ NEARER, SMALLER = (1.0, 0.6, 0.35, 0.2), (1.0, 0.5, 0.25)
 PART = 0.3
 # Strengths of the lights of a scene.
 RIG = Rig()
+# Sections of a scene in which there are things, or which say where they are and which of them are transparent.
+PLACES = ("objects", "geometries", "materials", "data")
 # What is said of a scene by what is missing: the camera, the lights.
 DONE = {
     (True, True): "no camera and no lights: both are fitted; visray import, or vr.dump, writes them out",
     (True, False): "no camera: one is fitted; visray import, or vr.dump, writes it out",
     (False, True): 'no lights: two are fitted; "lights": {} means none; visray import, or vr.dump, writes them out',
 }
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """The camera and the lights that a scene gets, and notes on what was fitted."""
+
+    camera: Camera | OrthographicCamera
+    lights: dict[str, Light]
+    notes: tuple[str, ...]
+
+
+# The fits of scenes as they are at rest: the check of an animation and the scene's user ask for the same one.
+_fits = IdentityCache()
 
 
 @uncollected()
@@ -54,14 +70,30 @@ def completed(scene: Scene, start: Scene | None = None) -> tuple[Scene, list[str
     """
     if scene.camera is not None and scene.lights is not None:
         return scene, []
-    stage = Stage.of(things_of(start or scene))
+    if start is not None and not _begins_at_rest(scene, start):
+        fit = _fit(scene, start)
+    elif (fit := _fits.get(scene)) is None:
+        fit = _fit(scene, scene)
+        _fits.put(scene, fit)
+    return replace(scene, camera=fit.camera, lights=fit.lights), list(fit.notes)
+
+
+def _begins_at_rest(scene: Scene, start: Scene) -> bool:
+    """Whether all that a fit depends on is the same at the beginning of the animation."""
+    given = [name for name in ("camera", "lights") if getattr(scene, name) is not None]
+    return all(getattr(scene, name) == getattr(start, name) for name in (*PLACES, *given))
+
+
+def _fit(scene: Scene, start: Scene) -> "_Fit":
+    """The camera and the lights of a scene: its own, or those fitted to `start`."""
+    stage = Stage.of(things_of(start))
     camera, lights = scene.camera, scene.lights
     if camera is None:
         camera = _camera(scene, stage)
     if lights is None:
-        seen_by = camera if scene.camera is None else (start or scene).camera
+        seen_by = camera if scene.camera is None else start.camera
         lights = _lights(seen_by, stage) if stage.shown or stage.around else {}
-    return replace(scene, camera=camera, lights=lights), _notes(scene, stage)
+    return _Fit(camera, lights, tuple(_notes(scene, stage)))
 
 
 def _notes(scene: Scene, stage: Stage) -> list[str]:

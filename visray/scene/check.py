@@ -10,7 +10,7 @@ shortcut, to report all errors at once.
 
 import sys
 from collections.abc import Iterator
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from itertools import islice
 from typing import Any
 
@@ -83,8 +83,16 @@ def _start(scene: Scene) -> Scene | None:
     """The beginning of an animation to which something must be fitted; None if there is none."""
     if scene.animation is None or (scene.camera is not None and scene.lights is not None):
         return None
-    full = completed(scene)[0]
+    full = _movable(scene)
     return examined(edited(still(full), track_values(full, 0.0)))[0]
+
+
+def _movable(scene: Scene) -> Scene:
+    """The scene as its tracks find it: with a fitted camera and fitted lights, if any track may name a part of those.
+    Domain: a scene with an animation, whose rest has no flaws."""
+    fixed = {f.name for f in fields(scene) if getattr(scene, f.name) is not None}
+    heads = {a.partition(".")[0] for track in scene.animation.tracks.values() for a in track.addresses()}
+    return scene if heads <= fixed else completed(scene)[0]
 
 
 def examined(raw: Any) -> tuple[Scene | None, list[str]]:
@@ -160,7 +168,7 @@ def _flaws_in_motion(scene: Scene) -> Iterator[str]:
     """The flaws of the animation of a scene. Its tracks may move a camera and lights that are fitted. Domain: the rest
     has no flaws."""
     if scene.animation is not None:
-        yield from animation_flaws(completed(scene)[0], examined)
+        yield from animation_flaws(_movable(scene), examined)
 
 
 def _known(entries: dict, kinds: frozenset) -> dict:

@@ -168,7 +168,7 @@ def _value_at(root: Any, address: str) -> Any:
             owner = ".".join(keys[:i]) or "the scene"
             more = ["color"] if i == 2 and keys[0] == "materials" else []
             text = f"{owner} has no {key!r}; {hint(key, [*more, *choices])}"
-            if owner == "camera" and (instead := _misplaced(node, key)):
+            if owner == "camera" and node is not None and (instead := _misplaced(node, key)):
                 text = instead
             if i == 2 and keys[0] == "objects" and key in Primitive.MISPLACED:
                 text = _of_its_material(root, node, key)

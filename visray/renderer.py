@@ -121,7 +121,8 @@ def render(
     if given and at is not None:
         raise UserError(f"at = {at:g}: {ONE_MOMENT}")
     film = {"size": size, "filter": filter, "region": region, "scale": scale}
-    animated = adjusted(given.scene if given else scene, **film, spp=spp, seed=seed, precision=precision)
+    with Bar("preparing", 1, progress):
+        animated = adjusted(given.scene if given else scene, **film, spp=spp, seed=seed, precision=precision)
     check_motion(layers, given.after if given else animated.animation)
     asked = scene = still_at(animated, at)
     if not (legend and has_legend(scene)):

@@ -75,7 +75,7 @@ def completed(scene: Scene, start: Scene | None = None) -> tuple[Scene, list[str
     elif (fit := _fits.get(scene)) is None:
         fit = _fit(scene, scene)
         _fits.put(scene, fit)
-    return replace(scene, camera=fit.camera, lights=fit.lights), list(fit.notes)
+    return replace(scene, camera=fit.camera, lights=dict(fit.lights)), list(fit.notes)
 
 
 def _begins_at_rest(scene: Scene, start: Scene) -> bool:

@@ -17,6 +17,7 @@ from visray.data import fit
 from visray.fitting import FOV, Balls, Rig, Window, fitted_lights, fitted_origin, fitted_view
 from visray.identity_cache import IdentityCache
 from visray.lights.light import Light
+from visray.records import altered
 from visray.scene.garbage import uncollected
 from visray.scene.scene import Scene
 from visray.surroundings import Stage
@@ -75,7 +76,7 @@ def completed(scene: Scene, start: Scene | None = None) -> tuple[Scene, list[str
     elif (fit := _fits.get(scene)) is None:
         fit = _fit(scene, scene)
         _fits.put(scene, fit)
-    return replace(scene, camera=fit.camera, lights=dict(fit.lights)), list(fit.notes)
+    return altered(scene, {"camera": fit.camera, "lights": dict(fit.lights)}), list(fit.notes)
 
 
 def _begins_at_rest(scene: Scene, start: Scene) -> bool:

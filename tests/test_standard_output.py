@@ -85,13 +85,22 @@ LINES = {
     "few": (FACTS | {"error_at_most": 3.42}, "error unknown: too few samples, 4 samples per pixel"),
     "one": (FACTS | {"spp": 1}, "error below 9.4 %, 1 sample per pixel"),
     "certificate": (FACTS | {"unresolved": 3, "residual_ulps": 1.2}, "error below 9.4 %, 4 samples per pixel"),
+    "depth": (
+        FACTS | {"depth_error_at_least": 0.3},
+        "error below 9.4 % by noise, at least 30 % by settings.depth, 4 samples per pixel",
+    ),
+    "depth without noise": (
+        FACTS | {"error_at_most": 0.0, "depth_error_at_least": 0.02},
+        "error at least 2 % by settings.depth, 4 samples per pixel",
+    ),
+    "little depth": (FACTS | {"depth_error_at_least": 0.01}, "error below 9.4 %, 4 samples per pixel"),
     "stopped": (FACTS | {"interrupted": 1, "spp_asked": 16}, "stopped, error below 9.4 %, 4 of 16 samples per pixel"),
     "adaptive": (ADAPTIVE, "error 0.173 % (0.167 to 0.183 %), 9.75 samples per pixel (8 to 128)"),
     "missed": (
         ADAPTIVE | {"error_asked": 0.001},
         "error 0.173 % (0.167 to 0.183 %), above the 0.1 % asked, 9.75 samples per pixel (8 to 128)",
     ),
-    "depth": (
+    "depth of a goal": (
         ADAPTIVE | {"depth_error": 0.001},
         "error 0.173 % (0.167 to 0.183 %; depth alone: 0.1 %), 9.75 samples per pixel (8 to 128)",
     ),

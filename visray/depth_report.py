@@ -14,11 +14,11 @@ from visray.progress import Bar, Interrupts
 from visray.setup import Prepared
 from visray.warn import warn
 
-# One of so many pixels is rendered again, but within these limits.
-SHARE, LEAST_PIXELS, MOST_PIXELS = 64, 2**10, 2**13
+# Two of so many pixels are rendered again, but within these limits.
+SHARE, LEAST_PIXELS, MOST_PIXELS = 128, 2**10, 2**13
 # Error that is worth a warning, as a share of the mean luminance.
 NOTABLE = 0.01
-# Standard errors to the end of an interval that holds with a probability of 97.5 %.
+# Standard errors from the estimate to the end of an interval that holds with a probability of 97.5 %.
 QUANTILE = 1.96
 
 
@@ -29,69 +29,57 @@ class DepthWarning(UserWarning):
 def depth_facts(prepared: Prepared, film: Film, progress: bool, interrupts: Interrupts) -> dict[str, float]:
     """A fact for the metadata, and a warning where it is large: `depth_error_at_least`, the least error that ends of
     paths at settings.depth cause. It is the root mean square over pixels and channels, divided by the mean luminance,
-    with a confidence of 97.5 %. {} where it is not known.
+    with a confidence of 97.5 %. {} where it is not known: with motion blur, in a black picture, and after Ctrl-C.
 
-    film: the finished film. It tells nothing with a single sample of each pixel, since noise is not known then. Nothing
-    is known either of motion blur, and of colours that a filter with negative weights has made.
+    film: the finished film
     """
-    settings, on, places = prepared.scene.settings, prepared.features, prepared.kernel.filter
-    if not (on["reflection"] or on["refraction"]) or prepared.shutter or (places is not None and places.is_signed):
+    settings, on = prepared.scene.settings, prepared.features
+    if not (on["reflection"] or on["refraction"]) or prepared.shutter or interrupts.requested:
         return {}
-    mean = np.array(film.mean)
-    luminance = float((LUMINANCE @ mean).mean())
-    if settings.spp < 2 or interrupts.requested or luminance <= 0:
+    mean, lanes = np.array(film.mean), _chosen(len(film.counts), settings.seed)
+    luminance, tested = float((LUMINANCE @ mean).mean()), subset(prepared, lanes)
+    if luminance <= 0:
         return {}
-    lanes = _chosen(len(film.counts), settings.seed)
-    tested, depth = subset(prepared, lanes), settings.depth
     with Bar("looking beyond settings.depth", 1, progress):
-        deepest = _rendered(tested, depth_without_bias(depth), interrupts)
-        if interrupts.requested:
-            return {}
-        shallow = mean[:, lanes], np.array(film.squares)[:, lanes] / (settings.spp - 1)
-        error = _least_error(shallow, deepest, settings.spp) / luminance
-        if error > NOTABLE:
-            remedy = ""
-            for larger in deeper_than(depth):
-                left = _rms(_rendered(tested, larger, interrupts)[0] - deepest[0]) / luminance
-                remedy = f"; with {larger} it is about {100 * left:.2g} %"
-                if left < NOTABLE or interrupts.requested:
-                    break
-            text = f"leaves out light, which is an error of at least {100 * error:.2g} %{remedy}"
-            warn(f"settings.depth = {depth}: {text}", DepthWarning)
+        shallow, deepest = mean[:, lanes], _rendered(tested, depth_without_bias(settings.depth), interrupts)
+        error = _least_error(deepest - shallow) / luminance
+        remedy = ""
+        for depth in deeper_than(settings.depth) if error > NOTABLE else ():
+            # The root mean square is too large, by the noise in it.
+            left = np.sqrt(np.square(deepest - _rendered(tested, depth, interrupts)).mean()) / luminance
+            remedy = f"; with {depth} it is about {100 * left:.2g} %"
+            if left < NOTABLE:
+                break
+    if interrupts.requested:
+        return {}
+    if error > NOTABLE:
+        text = f"leaves out light, which is an error of at least {100 * error:.2g} %{remedy}"
+        warn(f"settings.depth = {settings.depth}: {text}", DepthWarning)
     return {"depth_error_at_least": error}
 
 
 def _chosen(n: int, seed: int) -> np.ndarray:
-    """Numbers of the lanes that are rendered again, out of n: one at random of each stretch of neighbours."""
-    step = n // min(max(n // SHARE, LEAST_PIXELS, 1), MOST_PIXELS, n)
-    first = np.arange(0, n - step + 1, step)
-    return first + np.random.default_rng(seed).integers(step, size=len(first))
+    """Numbers of the lanes that are rendered again, out of n: pairs of neighbours. Each stretch of lanes has a pair at
+    random in it. A single lane is its own neighbour."""
+    pairs = min(max(n // SHARE, LEAST_PIXELS // 2), MOST_PIXELS // 2, max(n // 2, 1))
+    step = max(n // 2, 1) // pairs
+    first = 2 * (np.arange(pairs) * step + np.random.default_rng(seed).integers(step, size=pairs))
+    return np.minimum(first[:, None] + (0, 1), n - 1).ravel()
 
 
-def _rendered(prepared: Prepared, depth: int, interrupts: Interrupts) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and variance of the samples of each pixel, rendered with another depth. Shapes: (3, N) twice."""
-    film, _ = expose(with_depth(prepared, depth), interrupts=interrupts)
-    return np.array(film.mean), np.array(film.squares) / (prepared.scene.settings.spp - 1)
+def _rendered(prepared: Prepared, depth: int, interrupts: Interrupts) -> np.ndarray:
+    """Mean colours of the pixels, rendered with another depth. Shape: (3, N)."""
+    return np.array(expose(with_depth(prepared, depth), interrupts=interrupts)[0].mean)
 
 
-def _least_error(shallow: tuple, deep: tuple, spp: int) -> float:
-    """The least root mean square error of the shallow picture, with a confidence of 97.5 %.
+def _least_error(left_out: np.ndarray) -> float:
+    """The least root mean square of the light that is left out, with a confidence of 97.5 %.
 
-    shallow, deep: mean and variance of the same samples S of each pixel with two depths. The deep ones are S + X. The
-    light X that the depth leaves out is not negative, nor is S.
+    left_out: that light in the pixels, with noise. Pixels 2 i and 2 i + 1 are neighbours. Shape: (3, N).
 
-    The squared difference of the means, d, is too large by the variance of X / spp. That variance is not known, but
-    Var(S + X) = Var(S) + Var(X) + 2 Cov(S, X), and Cov(S, X) >= -E(S) E(X), as E(S X) >= 0. So it is at most Var(S + X)
-    - Var(S) + 2 E(S) E(X). Taking this away leaves a square that is too small rather than too large.
+    The mean square of what is left out is at least the mean product of neighbours, since (u^2 + v^2) / 2 >= u v. Noise
+    does not make that product larger, as it would make a square: the noise of two pixels is independent.
     """
-    (mean, variance), (deep_mean, deep_variance) = shallow, deep
-    difference = deep_mean - mean
-    noise = np.maximum(deep_variance - variance + 2 * mean * difference, 0) / spp
-    squares = (difference**2 - noise).mean(0)
-    low = squares.mean() - QUANTILE * squares.std() / np.sqrt(len(squares))
+    products = (left_out[:, ::2] * left_out[:, 1::2]).mean(0)
+    low = products.mean() - QUANTILE * products.std() / np.sqrt(len(products))
     return float(np.sqrt(max(low, 0.0)))
-
-
-def _rms(values: np.ndarray) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.square(values).mean()))

@@ -1,0 +1,142 @@
+"""What a picture to a number of samples says of the light that settings.depth leaves out."""
+
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+import pytest
+
+import visray as vr
+from visray import depth_report
+from visray.depth_report import DepthWarning, _chosen, _least_error, depth_facts
+from visray.passes import expose
+from visray.progress import Interrupts
+from visray.setup import prepare
+
+GLOW = vr.Material(kd=(0, 0, 0), ka=(0, 0, 0), emission=(0.2, 0.4, 0.1), kr=(0.5, 0.5, 0.5))
+GLASS = vr.Material(kd=(0, 0, 0), ka=(0, 0, 0), kr=(1, 1, 1), kt=(1, 1, 1), ior=1.5, fresnel="dielectric")
+
+
+def scene(depth: int, spp: int = 4, **more: Any) -> vr.Scene:
+    """Two parallel mirrors that glow and reflect half of the light. The camera between them looks straight at one."""
+    parts = {
+        "camera": vr.OrthographicCamera(origin=(0, 0, 0), target=(0, 0, -1), height=1),
+        "lights": {},
+        "background": (0.3, 0.3, 0.3),
+        "materials": {"glow": GLOW},
+        "objects": {
+            "before": vr.Plane(point=(0, 0, -1), normal=(0, 0, 1), material="glow"),
+            "behind": vr.Plane(point=(0, 0, 1), normal=(0, 0, -1), material="glow"),
+        },
+        "film": vr.Film(width=40, height=30),
+        "settings": vr.Settings(depth=depth, spp=spp),
+    }
+    return vr.Scene(**(parts | more))
+
+
+def rendered(of: vr.Scene, **more: Any) -> tuple[vr.Image, list[str]]:
+    """The picture, and what the report says of its depth."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        image = vr.render(of, progress=False, layers=("RGB",), **more)
+    return image, [str(w.message) for w in said if w.category is DepthWarning]
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4, 9])
+def test_two_mirrors(depth):
+    """A path of n surfaces brings e (1 + 1/2 + ... + 1/2^n): closed form of what all depths leave out."""
+    image, said = rendered(scene(depth))
+    left = 0.5 ** (depth + 1) - 0.5 ** (8 * depth + 9)
+    luminance = 2 * (1 - 0.5 ** (depth + 1)) * (np.array([0.2126, 0.7152, 0.0722]) @ GLOW.emission)
+    error = 2 * left * np.sqrt(np.square(GLOW.emission).mean()) / luminance
+    assert image.metadata["depth_error_at_least"] == pytest.approx(error, rel=1e-4)
+    assert bool(said) == (error > depth_report.NOTABLE)
+    if said:
+        assert said[0].startswith(f"settings.depth = {depth}: leaves out light, which is an error of at least ")
+        assert f"{100 * error:.2g} %" in said[0]
+
+
+def test_the_depth_that_is_named_is_enough():
+    (text,) = rendered(scene(2))[1]
+    named, left = text.split("; with ")[1].split(" it is about ")
+    image, said = rendered(scene(int(named)))
+    assert not said and float(left.split()[0]) / 100 < depth_report.NOTABLE
+    # What is said is relative to the luminance of the picture that lacks light, so it is a little larger.
+    assert image.metadata["depth_error_at_least"] <= float(left.split()[0]) / 100 * 1.01
+
+
+@pytest.mark.parametrize(
+    "of",
+    [
+        scene(0),
+        scene(1, materials={"glow": vr.Material(color=0.5)}),
+        scene(1, materials={"glow": replace(GLOW, emission=(0, 0, 0))}, background=(0, 0, 0)),
+    ],
+    ids=["mirrors off", "no mirrors", "black"],
+)
+def test_nothing_is_said_where_nothing_is_known(of):
+    image, said = rendered(of)
+    assert "depth_error_at_least" not in image.metadata and not said
+
+
+def test_the_picture_has_the_same_bits_and_no_kernel_is_compiled():
+    """Also where a picture is so large that its passes are many, and so small that it is one."""
+    glass = scene(3, objects={"ball": vr.Sphere(center=(0, 0, -3), material="glow"), "pane": vr.Box(
+        min=(-1, -1, -2), max=(1, 1, -1.5), material="glass")}, materials={"glow": GLOW, "glass": GLASS})  # fmt: skip
+    for size in ((64, 48), (640, 480)):
+        prepared = prepare(replace(glass, film=vr.Film(width=size[0], height=size[1])))
+        film, _ = expose(prepared)
+        before = [np.array(x) for x in film.moments.arrays]
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+            dr.kernel_history_clear()
+            facts = depth_facts(prepared, film, False, Interrupts())
+            kernels = dr.kernel_history([dr.KernelType.JIT])
+        large = [k for k in kernels if k["operation_count"] > 500]
+        assert large and not any(not k["cache_hit"] or k["cache_disk"] for k in large)
+        assert facts.keys() == {"depth_error_at_least"}
+        for one, other in zip(before, film.moments.arrays):
+            np.testing.assert_array_equal(one, np.array(other))
+
+
+def test_after_ctrl_c_nothing_is_looked_at():
+    prepared = prepare(scene(1))
+    film, _ = expose(prepared)
+    stopped = Interrupts()
+    stopped.requested = True
+    assert depth_facts(prepared, film, False, stopped) == {}
+
+
+@pytest.mark.parametrize("spp", [1, 2, 16])
+@pytest.mark.parametrize("chance", [0.0, 0.001, 0.01, 0.3])
+def test_noise_is_taken_for_no_error(chance, spp):
+    """Samples with known distributions: the interval holds in more cases than it promises, and where much light is left
+    out it is not much too small."""
+    rng, pixels, trials = np.random.default_rng(5), 1500, 200
+    least = []
+    for _ in range(trials):
+        cut = rng.random((spp, 1, pixels)) < chance
+        least.append(_least_error((cut * rng.exponential(1.0, (spp, 3, pixels))).mean(0)))
+    # Each pixel and channel lacks `chance` in the mean. 2.5 % may be above: of 200, more than 11 once in 100 times.
+    assert sum(x > chance for x in least) <= 11
+    assert np.median(least) >= (0.8 * chance if chance > 0.1 else 0.0)
+
+
+def test_neighbours_that_differ_make_the_error_no_larger():
+    """The mean product of neighbours is at most the mean square: equal where they are, 0 where one of them lacks no
+    light."""
+    ones = np.ones((3, 1000))
+    assert _least_error(ones) == 1
+    assert _least_error(ones * np.tile((0.0, 2.0), 500)) == 0
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 15, 1024, 1025, 70_000, 10**6])
+def test_chosen_pixels(n):
+    lanes = _chosen(n, 3)
+    first, second = lanes[::2], lanes[1::2]
+    assert lanes.min() >= 0 and lanes.max() < n and len(set(first)) == len(first)
+    assert ((second == first + 1) | (n == 1)).all()
+    assert min(n - 1, depth_report.LEAST_PIXELS) <= len(lanes) + 1 <= depth_report.MOST_PIXELS + 1
+    # They are spread: no stretch of pixels is left out.
+    assert np.diff(np.concatenate([[0], first, [n]])).max() <= 4 * -(-n // len(first)) + 2

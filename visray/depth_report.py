@@ -47,7 +47,7 @@ def depth_facts(prepared: Prepared, film: Film, progress: bool, interrupts: Inte
         for depth in deeper_than(settings.depth) if error > NOTABLE else ():
             # The root mean square is too large, by the noise in it.
             left = np.sqrt(np.square(deepest - _rendered(tested, depth, interrupts)).mean()) / luminance
-            remedy = f"; with {depth} it is about {100 * left:.2g} %"
+            remedy = f"; with {depth} " + (f"it is about {100 * left:.2g} %" if left else "none is seen")
             if left < NOTABLE:
                 break
     if interrupts.requested:

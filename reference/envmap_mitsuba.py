@@ -27,7 +27,7 @@ from visray.study.mitsuba.blinn_phong_bsdf import VARIANT
 from visray.study.mitsuba.mitsuba_environment import envmap
 
 MAP = Path(__file__).resolve().parents[1] / "scenes" / "textures" / "dusk.exr"
-SIZE, SPP, SEEDS, SKY_RAYS, DEPTH = (96, 72), 1024, 8, 1, 32
+SIZE, SPP, SEEDS, SKY_RAYS, DEPTH = (96, 72), 1024, 64, 1, 32
 SKY = vr.EnvironmentMap(str(MAP), rotation=25.0, intensity=1.5)
 BLACK, WHITE, GREY = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.5, 0.4, 0.3)
 EYE, FOV = (0.0, 1.2, 5.0), 40.0

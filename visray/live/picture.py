@@ -38,6 +38,8 @@ LEAST_SAMPLES, MOST_SAMPLES = 16, 4096
 LEGEND = 0.6
 # Seconds after a change from which on motion blur is computed. The picture begins anew then.
 REST = 0.5
+# Seconds after a change from which on the scene may be prepared for rest, which takes longer than a step.
+SETTLED = 0.2
 # Seconds of a sweep over all pixels from which on users are told that the scene takes long.
 LONG = 4.0
 
@@ -196,7 +198,9 @@ class LivePicture:
         is_good |= count >= MOST_SAMPLES
         if self._waits and clock.now() - self._born < REST and count < MOST_SAMPLES:
             return
-        if self.rest is not None and (self._waits or not is_good):
+        # Else a slider that moves would wait for what only a picture at rest needs, such as lists of rows.
+        rests = self._waits or (not is_good and clock.now() - self._born >= SETTLED)
+        if self.rest is not None and rests:
             is_good &= not self._begin_rest()
         self.finished = is_good
 

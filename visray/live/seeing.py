@@ -12,6 +12,7 @@ import numpy as np
 from visray import setup
 from visray.kernel_scene import with_view
 from visray.quantities import Arrays, stacked
+from visray.records import altered
 from visray.scene.check import checked
 from visray.scene.film import Film
 from visray.scene.scene import Scene
@@ -31,7 +32,7 @@ def seen(prepared: Prepared, camera: Any, size: tuple[int, int], lists: bool) ->
     if _effects(camera) != _effects(prepared.scene.camera):
         prepared = prepared.updated({"camera": camera})
     film = prepared.scene.film.resized(size)
-    scene = replace(prepared.scene, camera=camera, film=film)
+    scene = altered(prepared.scene, {"camera": camera, "film": film})
     numbers = stacked(prepared.a, type(camera), [camera])
     kernel = with_view(prepared.kernel, numbers, scene, lists)
     order, x, y = lanes(prepared.a, *size)

@@ -103,7 +103,7 @@ def test_value(address: str, expected: object) -> None:
         ("lights.lid.normal.1", 1.0, "2", 2.0),
         ("lights.bulb.radius", 0.125, "0.5", 0.5),
         ("settings.shading", "blinn-phong", "toon", "toon"),
-        ("settings.depth", 6, "0", 0),
+        ("settings.depth", 16, "0", 0),
         ("settings.occlusion.sky", 16, "0", 0),
         ("settings.occlusion.distance", 1.0, "2", 2.0),
         ("settings.occlusion.hemisphere", "cosine", "box", "box"),

@@ -821,21 +821,21 @@ def test_the_lens(pair: Pair, camera: dict, aperture: float, warning: str | None
 
 
 MIRROR, GLASS = ball(type="metal"), ball(type="transparent", kt=[1, 1, 1])
-FOLLOWED = "6 reflections and refractions are followed (none with --set settings.depth=0)"
+FOLLOWED = "16 reflections and refractions are followed (none with --set settings.depth=0)"
 
 
 @pytest.mark.parametrize(
     ("thing", "setup", "depth", "compat_depth", "warning"),
     [
-        (BALL, {}, 6, 0, None),
-        (BALL, {"MAXDEPTH": 1}, 6, 0, None),
+        (BALL, {}, 16, 0, None),
+        (BALL, {"MAXDEPTH": 1}, 16, 0, None),
         (BALL, {"MAXDEPTH": 4}, 3, 3, None),
-        (MIRROR, {}, 6, 0, f"MAXDEPTH: is missing; {FOLLOWED}"),
-        (MIRROR, {"MAXDEPTH": 1}, 6, 0, f"MAXDEPTH = 1: did not count in VisRayTrace; {FOLLOWED}"),
-        (GLASS, {"MAXDEPTH": -3}, 6, 0, f"MAXDEPTH = -3: did not count in VisRayTrace; {FOLLOWED}"),
+        (MIRROR, {}, 16, 0, f"MAXDEPTH: is missing; {FOLLOWED}"),
+        (MIRROR, {"MAXDEPTH": 1}, 16, 0, f"MAXDEPTH = 1: did not count in VisRayTrace; {FOLLOWED}"),
+        (GLASS, {"MAXDEPTH": -3}, 16, 0, f"MAXDEPTH = -3: did not count in VisRayTrace; {FOLLOWED}"),
         (GLASS, {"MAXDEPTH": 2}, 1, 1, None),
-        (MIRROR, {"reflections": False}, 6, 0, None),
-        (GLASS, {"refractions": False}, 6, 0, None),
+        (MIRROR, {"reflections": False}, 16, 0, None),
+        (GLASS, {"refractions": False}, 16, 0, None),
         (GLASS, {"MAXDEPTH": 1001}, 1000, 1000, None),
     ],
 )

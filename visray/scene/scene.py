@@ -147,7 +147,7 @@ class Settings:
     sampler: Literal["stratified", "sobol", "independent"] = "stratified"
     shading: Literal[modes.NAMES] = "blinn-phong"
     shadows: Annotated[bool, Field(strict=True)] = True
-    depth: Depth = 6
+    depth: Depth = 16
     misses: Literal["background", "ambient"] = "background"
     local: Literal["weighted", "full"] = "weighted"
     area: Literal["samples", "centre"] = "samples"

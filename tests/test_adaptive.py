@@ -6,6 +6,7 @@ Chances of a false alarm are about 1e-6 in each test; seeds are fixed.
 import json
 import re
 import signal
+import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -33,7 +34,7 @@ from visray.adaptive.loop import AdaptiveRun
 from visray.adaptive.stopping import Goal
 from visray.camera import Camera
 from visray.cli import main
-from visray.errors import GoalWarning, UserError
+from visray.errors import DepthWarning, GoalWarning, UserError
 from visray.geometry import gamma as rounded
 from visray.lights import PointLight, RectangleLight
 from visray.materials import Material
@@ -925,9 +926,20 @@ def test_a_depth_that_leaves_out_too_much_is_refused_with_one_that_does() -> Non
     assert facts["error_high"] <= 0.04 and facts["depth_error"] < 0.02
 
 
-def test_without_a_depth_that_is_known_to_do_a_higher_one_is_asked_for() -> None:
-    with pytest.raises(UserError, match=r"settings.depth = 1 alone leaves out .*; raise settings.depth, or"):
+def test_without_a_small_depth_that_is_known_to_do_the_one_that_counts_as_enough_is_named() -> None:
+    with pytest.raises(UserError, match=r"settings.depth = 1 alone leaves out .*; settings.depth = 16 would do, or"):
         render_adaptively(hall(1), error=0.005)
+
+
+def test_a_depth_that_leaves_little_room_for_noise_is_told_with_one_that_needs_fewer_samples() -> None:
+    with pytest.warns(DepthWarning, match=r"settings.depth = 6: alone makes up to .* % of the error 5 %;") as told:
+        facts = render_adaptively(hall(6), error=0.05).metadata
+    assert 0.02 < facts["depth_error"] <= facts["error"] <= 0.05
+    depth = int(str(told[0].message).split("; with ")[1].split()[0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DepthWarning)
+        deeper = render_adaptively(hall(depth), error=0.05).metadata
+    assert deeper["spp"] < facts["spp"] and deeper["depth_error"] < 0.5 * facts["depth_error"]
 
 
 @pytest.mark.slow

@@ -10,7 +10,8 @@ import pytest
 
 import visray as vr
 from visray import depth_report
-from visray.depth_report import DepthWarning, _chosen, _least_error, depth_facts
+from visray.depth_report import _chosen, _least_error, depth_facts
+from visray.errors import DepthWarning
 from visray.passes import expose
 from visray.progress import Interrupts
 from visray.setup import prepare

@@ -7,6 +7,7 @@ because the depth is an input of the kernel. With an error that is asked for, ad
 import numpy as np
 
 from visray.adaptive.depth_bias import deeper_than, depth_without_bias, with_depth
+from visray.errors import DepthWarning
 from visray.film import Film
 from visray.output.curves import LUMINANCE
 from visray.passes import expose, subset
@@ -20,10 +21,6 @@ SHARE, LEAST_PIXELS, MOST_PIXELS = 128, 2**10, 2**13
 NOTABLE = 0.01
 # Standard errors from the estimate to the end of an interval that holds with a probability of 97.5 %.
 QUANTILE = 1.96
-
-
-class DepthWarning(UserWarning):
-    """Warning that settings.depth ends paths that carry light."""
 
 
 def depth_facts(prepared: Prepared, film: Film, progress: bool, interrupts: Interrupts) -> dict[str, float]:

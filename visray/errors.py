@@ -52,6 +52,10 @@ class GoalWarning(UserWarning):
     """The error of a picture is larger than was asked for, or it is unknown."""
 
 
+class DepthWarning(UserWarning):
+    """settings.depth ends paths that carry light."""
+
+
 class LegendWarning(UserWarning):
     """A legend leaves something out, or a character of it cannot be drawn."""
 

@@ -13,10 +13,12 @@ import numpy as np
 from visray.adaptive.depth_bias import PIXELS, SAMPLES, DepthBias, deeper_than, depth_biases, depth_without_bias
 from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.estimate import Estimate
-from visray.errors import UserError
+from visray.errors import DepthWarning, UserError
 from visray.geometry import gamma as rounded
 from visray.output.curves import Gamma
 from visray.output.rounding import rounding
+from visray.scene.scene import DEEPEST
+from visray.warn import warn
 
 # Share of the remaining time that the estimate of the depth bias may take.
 DEPTH_SHARE = 0.05
@@ -120,14 +122,29 @@ def checked_floor(
         # The interval is too wide to decide whether the error can be reached.
         (bias,) = depth_biases(buffer, (depth,), reference_depth, pixels=MORE_PIXELS * PIXELS, count=SAMPLES)
     if bias.high > absolute**2:
-        biases = depth_biases(buffer, deeper_than(depth), reference_depth)
-        good = [b.depth for b in biases if b.high <= absolute**2 / 4]
+        good = _deep_enough(buffer, absolute)
         interval = " to ".join(f"{np.sqrt(max(x, 0)) / estimate.luminance:.2g}" for x in (bias.low, bias.high))
-        remedy = f"settings.depth = {good[0]} would do" if good else "raise settings.depth"
-        raise UserError(
-            f"error = {error:g}: settings.depth = {depth} alone leaves out {interval} (95 %); {remedy}, or {LARGER}"
-        )
+        remedy = f"settings.depth = {good} would do, or {LARGER}" if good else LARGER
+        raise UserError(f"error = {error:g}: settings.depth = {depth} alone leaves out {interval} (95 %); {remedy}")
+    if bias.high > absolute**2 / 2 and seconds == np.inf and (good := _deep_enough(buffer, absolute)):
+        # What is left for noise is so little that at least twice as many samples are needed.
+        alone = 100 * np.sqrt(bias.high) / estimate.luminance
+        text = f"alone makes up to {alone:.2g} % of the error {100 * error:.2g} %; with {good} fewer samples are enough"
+        warn(f"settings.depth = {depth}: {text}", DepthWarning)
     return Floor(bias, file_square)
+
+
+def _deep_enough(buffer: DualBuffer, absolute: float) -> int | None:
+    """A larger depth whose bias is small beside an error; None if settings.depth is the largest one.
+
+    absolute: root mean square of the error
+    """
+    depth = buffer.prepared.scene.settings.depth
+    reference_depth, deeper = depth_without_bias(depth), deeper_than(depth)
+    biases = depth_biases(buffer, deeper, reference_depth) if deeper else []
+    # The reference depth counts as free of bias.
+    last = min(reference_depth, DEEPEST)
+    return next((b.depth for b in biases if b.high <= absolute**2 / 4), last if last > depth else None)
 
 
 def check_precision(error: float, precision: str) -> None:

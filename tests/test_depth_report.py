@@ -10,7 +10,7 @@ import pytest
 
 import visray as vr
 from visray import depth_report
-from visray.depth_report import _chosen, _least_error, depth_facts
+from visray.depth_report import _chosen, _least_error, _tested, depth_facts
 from visray.errors import DepthWarning
 from visray.passes import expose
 from visray.progress import Interrupts
@@ -59,6 +59,49 @@ def test_two_mirrors(depth):
         assert f"{100 * error:.2g} %" in said[0]
 
 
+@pytest.mark.parametrize("light", [1e-6, 1e-150])
+def test_dim_light(light):
+    """An error is a share of the luminance, so it is the same for much less light. 1e-150 has no square."""
+    dim = replace(GLOW, emission=tuple(light * x for x in GLOW.emission))
+    settings = vr.Settings(depth=1, spp=1, precision="double")
+    bright = rendered(scene(1, settings=settings))[0].metadata["depth_error_at_least"]
+    of = scene(1, settings=settings, materials={"glow": dim})
+    assert rendered(of)[0].metadata["depth_error_at_least"] == pytest.approx(bright, rel=1e-12)
+
+
+@pytest.mark.parametrize("spp", [4, 100, 1000, 50_000])
+def test_a_small_picture_is_not_rendered_anew(spp):
+    """A picture of so few pixels that all of them are chosen would be rendered again, with paths that are longer."""
+    prepared = prepare(scene(2, spp))
+    lanes = _chosen(1200, 0)
+    tested = _tested(prepared, lanes)
+    samples = len(tested.order) * tested.scene.settings.spp
+    assert samples <= max(1200 * spp / depth_report.WORK, depth_report.LEAST_SAMPLES)
+    assert tested.scene.settings.spp == {4: 4, 100: 16, 1000: 36, 50_000: 1831}[spp]
+    assert prepared.scene.settings.spp == spp
+
+
+def test_errors_above_100_percent_have_no_exponent():
+    """Mirrors that reflect all light, of which depth 1 shows two glowing surfaces: all others are left out."""
+    all_light = scene(1, materials={"glow": replace(GLOW, kr=(1, 1, 1))})
+    image, (text,) = rendered(all_light)
+    error = 100 * image.metadata["depth_error_at_least"]
+    assert error > 100 and f"at least {error:,.0f} %; with 8 it is about " in text and "e+" not in text
+
+
+def test_the_frames_of_an_animation_say_it_once():
+    """Also where some frames still lack light with the depth that is named, and others lack none."""
+    glass = scene(1, objects={"ball": vr.Sphere(center=(0, 0, -3), radius=0.4, material="glass"), "wall": vr.Plane(
+        point=(0, 0, -9), normal=(0, 0, 1), material="wall")}, materials={"glass": GLASS, "wall": vr.Material(
+        emission=0.3)}, animation=vr.Animation(duration=1, fps=6, tracks={"away": vr.KeysTrack(
+        address="objects.ball.center.0", times=(0, 1), values=(0, 0.4))}))  # fmt: skip
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        errors = [x.metadata["depth_error_at_least"] for x in vr.animate(glass, progress=False, layers=("RGB",))]
+    assert len({f"{x:.2g}" for x in errors}) > 1
+    assert len([w for w in said if w.category is DepthWarning]) == 1
+
+
 def test_the_depth_that_is_named_is_enough():
     (text,) = rendered(scene(2))[1]
     named, left = text.split("; with ")[1].split(" it is about ")
@@ -74,8 +117,9 @@ def test_the_depth_that_is_named_is_enough():
         scene(0),
         scene(1, materials={"glow": vr.Material(color=0.5)}),
         scene(1, materials={"glow": replace(GLOW, emission=(0, 0, 0))}, background=(0, 0, 0)),
+        scene(1, film=vr.Film(width=7, height=9)),
     ],
-    ids=["mirrors off", "no mirrors", "black"],
+    ids=["mirrors off", "no mirrors", "black", "few pixels"],
 )
 def test_nothing_is_said_where_nothing_is_known(of):
     image, said = rendered(of)
@@ -86,8 +130,10 @@ def test_the_picture_has_the_same_bits_and_no_kernel_is_compiled():
     """Also where a picture is so large that its passes are many, and so small that it is one."""
     glass = scene(3, objects={"ball": vr.Sphere(center=(0, 0, -3), material="glow"), "pane": vr.Box(
         min=(-1, -1, -2), max=(1, 1, -1.5), material="glass")}, materials={"glow": GLOW, "glass": GLASS})  # fmt: skip
-    for size in ((64, 48), (640, 480)):
-        prepared = prepare(replace(glass, film=vr.Film(width=size[0], height=size[1])))
+    # The last picture has so few pixels that they are rendered again with fewer samples than it has.
+    for size, spp in (((64, 48), 4), ((640, 480), 4), ((40, 30), 256)):
+        settings = replace(glass.settings, spp=spp)
+        prepared = prepare(replace(glass, film=vr.Film(width=size[0], height=size[1]), settings=settings))
         film, _ = expose(prepared)
         before = [np.array(x) for x in film.moments.arrays]
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
@@ -130,6 +176,18 @@ def test_neighbours_that_differ_make_the_error_no_larger():
     ones = np.ones((3, 1000))
     assert _least_error(ones) == 1
     assert _least_error(ones * np.tile((0.0, 2.0), 500)) == 0
+
+
+@pytest.mark.parametrize("n", [200, 2046, 2600, 4095])
+def test_all_pixels_are_chosen_equally_often(n):
+    """Chosen pixels stand for all others. Stretches of lanes have one pair or more, so their lengths differ."""
+    trials = 2000
+    counts = np.zeros(n // 2)
+    for seed in range(trials):
+        counts[_chosen(n, seed)[::2] // 2] += 1
+    share = min(depth_report.LEAST_PIXELS, n) / (2 * len(counts))
+    # Of 2000 numbers, one is above 5 standard deviations once in 1000 times.
+    assert abs(counts / trials - share).max() <= 5 * np.sqrt(share * (1 - share) / trials) + 1e-12
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 15, 1024, 1025, 70_000, 10**6])

@@ -43,7 +43,7 @@ def depth_facts(prepared: Prepared, film: Film, progress: bool, interrupts: Inte
     if not (on["reflection"] or on["refraction"]) or prepared.shutter or interrupts.requested or n < 2 * LEAST_PAIRS:
         return {}
     luminance = float((LUMINANCE @ np.array(film.mean)).mean())
-    if luminance <= 0:
+    if not 0 < luminance < np.inf:
         return {}
     tested = _tested(prepared, _chosen(n, settings.seed))
 

@@ -11,7 +11,7 @@ import pytest
 import visray as vr
 from visray import depth_report
 from visray.depth_report import _chosen, _least_error, _tested, depth_facts
-from visray.errors import DepthWarning
+from visray.errors import CheckpointWarning, DepthWarning
 from visray.passes import expose
 from visray.progress import Interrupts
 from visray.setup import prepare
@@ -153,6 +153,25 @@ def test_after_ctrl_c_nothing_is_looked_at():
     stopped = Interrupts()
     stopped.requested = True
     assert depth_facts(prepared, film, False, stopped) == {}
+
+
+def test_ctrl_c_in_the_look_keeps_the_samples(tmp_path, monkeypatch):
+    """The picture counts as stopped then, though it has all of its samples."""
+    path, rendering = tmp_path / "a.checkpoint", depth_report._rendered
+
+    def stopping(prepared: Any, depth: int, interrupts: Interrupts) -> np.ndarray:
+        interrupts.requested = True
+        return rendering(prepared, depth, interrupts)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(depth_report, "_rendered", stopping)
+        with pytest.warns(CheckpointWarning, match="keeps the samples"):
+            image = vr.render(scene(2), progress=False, checkpoint=path)
+    assert image.metadata["interrupted"] and image.metadata["spp"] == 4 and path.exists()
+    assert "depth_error_at_least" not in image.metadata
+    whole, _ = rendered(scene(2), checkpoint=path, resume=True)
+    assert whole.metadata["depth_error_at_least"] > 0.1 and not path.exists()
+    np.testing.assert_array_equal(whole["RGB"], image["RGB"])
 
 
 @pytest.mark.parametrize("spp", [1, 2, 16])

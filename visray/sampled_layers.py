@@ -47,12 +47,13 @@ def layers_of_spp(
     else:
         keep_lost = partial(checkpoint.end, finished=False) if checkpoint else lambda film: None
         film, spp = expose_on(job, prepared, progress, interrupts, film, look, keep, keep_lost)
-    stopped = interrupts.requested
-    if checkpoint is not None:
-        checkpoint.end(film, finished=not stopped)
     values, facts = developed(prepared, film)
     if job is None:  # workers have the kernel, which would have to be compiled here
         facts |= depth_facts(prepared, film, progress, interrupts)
+    # After Ctrl-C in that look the picture counts as stopped, so its samples are kept too.
+    stopped = interrupts.requested
+    if checkpoint is not None:
+        checkpoint.end(film, finished=not stopped)
     # Frees the film. If there are many pixels, the layers of the first hit may need its memory.
     del film
     if stopped and timer.compile_seconds - compiled_before > LONGEST_PASS:

@@ -9,7 +9,7 @@ from samples import NAMES, instances
 
 import visray as vr
 from visray import fitted_scene
-from visray.errors import FittedNote
+from visray.errors import FittedNote, UserError
 from visray.fitted_scene import ENOUGH, WINDOW, completed
 from visray.fitting import Balls, fitted_origin, fitted_view
 from visray.primitives.primitive import scalars, transform_frame
@@ -199,3 +199,15 @@ def test_messages_about_tracks_know_scenes_without_camera_and_lights():
     tracks = {"t": keys("lights.key.position", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))}
     with pytest.raises(vr.UserError, match="lights has no 'key'; one of lamp"):
         checked(vr.Scene(objects=OBJECTS, animation=vr.Animation(duration=1, tracks=tracks), **lamp))
+
+
+@pytest.mark.parametrize("ball", [vr.Sphere(radius=1e-9), vr.Sphere(radius=1e9), vr.Sphere(center=(1e9, 0, 0))])
+def test_what_no_camera_and_no_lights_fit_is_told_as_such(ball):
+    """Their numbers would be out of the limits of a scene, and no user has written those."""
+    with pytest.raises(UserError, match=r"^camera and lights: what the scene shows is too .* write camera and lights"):
+        checked(vr.Scene(objects={"ball": ball}))
+
+
+def test_what_no_lights_fit_is_told_as_such():
+    with pytest.raises(UserError, match=r"^lights: what the scene shows is too small, .*; write lights, or scale"):
+        checked(vr.Scene(objects={"ball": vr.Sphere(radius=1e9)}, camera=vr.Camera()))

@@ -14,6 +14,7 @@ import numpy as np
 
 from visray.camera import Camera, OrthographicCamera
 from visray.data import fit
+from visray.errors import UserError
 from visray.fitting import FOV, Balls, Rig, Window, fitted_lights, fitted_origin, fitted_view
 from visray.identity_cache import IdentityCache
 from visray.lights.light import Light
@@ -85,15 +86,21 @@ def _begins_at_rest(scene: Scene, start: Scene) -> bool:
     return all(getattr(scene, name) == getattr(start, name) for name in (*PLACES, *given))
 
 
-def _fit(scene: Scene, start: Scene) -> "_Fit":
+def _fit(scene: Scene, start: Scene) -> _Fit:
     """The camera and the lights of a scene: its own, or those fitted to `start`."""
     stage = Stage.of(things_of(start))
     camera, lights = scene.camera, scene.lights
-    if camera is None:
-        camera = _camera(scene, stage)
-    if lights is None:
-        seen_by = camera if scene.camera is None else start.camera
-        lights = _lights(seen_by, stage) if stage.shown or stage.around else {}
+    try:
+        if camera is None:
+            camera = _camera(scene, stage)
+        if lights is None:
+            seen_by = camera if scene.camera is None else start.camera
+            lights = _lights(seen_by, stage) if stage.shown or stage.around else {}
+    except UserError:
+        # Their numbers would not be within the limits of a scene.
+        missing = " and ".join(name for name in ("camera", "lights") if getattr(scene, name) is None)
+        problem = "what the scene shows is too small, too large or too far away to fit any"
+        raise UserError(f"{missing}: {problem}; write {missing}, or scale the scene") from None
     return _Fit(camera, lights, tuple(_notes(scene, stage)))
 
 

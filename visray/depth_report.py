@@ -1,8 +1,7 @@
 """The light that a picture lacks because paths end at settings.depth, found after its samples.
 
-Some pixels are rendered once more, with the depth of the picture and with a much larger one, from the same samples. No
-kernel is compiled for that, because the depth is an input of the kernel. With an error that is asked for,
-adaptive/depth_bias.py says more.
+Some pixels are rendered once more, with the same samples and a much larger depth. No kernel is compiled for that,
+because the depth is an input of the kernel. With an error that is asked for, adaptive/depth_bias.py says more.
 """
 
 from dataclasses import replace
@@ -42,17 +41,18 @@ def depth_facts(prepared: Prepared, film: Film, progress: bool, interrupts: Inte
     settings, on, n = prepared.scene.settings, prepared.features, len(film.counts)
     if not (on["reflection"] or on["refraction"]) or prepared.shutter or interrupts.requested or n < 2 * LEAST_PAIRS:
         return {}
-    luminance = float((LUMINANCE @ np.array(film.mean)).mean())
+    mean, lanes = np.array(film.mean), _chosen(n, settings.seed)
+    luminance, tested = float((LUMINANCE @ mean).mean()), _tested(prepared, lanes)
     if not 0 < luminance < np.inf:
         return {}
-    tested = _tested(prepared, _chosen(n, settings.seed))
 
     def rendered(depth: int) -> np.ndarray:
         return _rendered(tested, depth, interrupts) / luminance
 
     with Bar("looking beyond settings.depth", 1, progress):
-        deepest = rendered(depth_without_bias(settings.depth))
-        error, remedy = _least_error(deepest - rendered(settings.depth)), ""
+        deepest, has_all = rendered(depth_without_bias(settings.depth)), tested.scene.settings.spp == settings.spp
+        error = _least_error(deepest - (mean[:, lanes] / luminance if has_all else rendered(settings.depth)))
+        remedy = ""
         for depth in deeper_than(settings.depth) if error > NOTABLE else ():
             # The root mean square is too large, by the noise in it.
             left = float(np.sqrt(np.square(deepest - rendered(depth)).mean()))
@@ -73,8 +73,8 @@ def _percent(share: float) -> str:
 
 
 def _tested(prepared: Prepared, lanes: np.ndarray) -> Prepared:
-    """The prepared scene with only these lanes. They have the picture's samples, or only some if those would take long
-    beside the picture, which has few pixels then."""
+    """The prepared scene with only these lanes. They have the picture's samples, or only some if all of them would take
+    long beside the picture, which has few pixels then."""
     settings = prepared.scene.settings
     samples = max(len(prepared.order) * settings.spp // WORK, LEAST_SAMPLES)
     few = altered(settings, {"spp": min(max(samples // len(lanes), 1), settings.spp)})

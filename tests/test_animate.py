@@ -442,6 +442,14 @@ def test_what_workers_compile_is_not_known(tmp_path: Path) -> None:
     assert facts["compiled"] is None and [f["compiled"] for f in facts["frames"]] == [None, None]
 
 
+def test_a_frame_has_the_facts_about_its_error(tmp_path: Path) -> None:
+    report = FrameReport(FrameFiles.of([tmp_path / "a.####.png"], "a", False, fps=5.0), 1, 0.0)
+    known = {"spp": 4, "error_at_most": 0.1, "depth_error_at_least": 0.3}
+    report.add(known | {"frame": 0, "time": 0.0, "sampler": "sobol"}, 0)
+    (frame,) = report.facts()["frames"]
+    assert known.items() <= frame.items() and "sampler" not in frame
+
+
 def test_an_output_is_named_once(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for names in (("a.gif", "a.gif"), ("out", "out/ball.####.png")):
         assert run(file, *(word for name in names for word in ("-o", name))) == 2

@@ -10,7 +10,10 @@ if TYPE_CHECKING:
     from visray.output.frame_files import FrameFiles
 
 # The facts about a frame that are reported, of those that its picture has.
-FACTS = ("frame", "time", "scene_hash", "spp", "error_at_most", "error", "error_low", "error_high", "time_missed")
+FACTS = (
+    "frame", "time", "scene_hash", "spp", "error_at_most", "depth_error_at_least", "error", "error_low", "error_high",
+    "time_missed",
+)  # fmt: skip
 
 
 class FrameReport:

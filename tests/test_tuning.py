@@ -383,7 +383,9 @@ def test_the_depth_is_the_least_that_leaves_out_far_less_than_the_error(
     search = tuner(mirrored(report), 0.01, scene=MIRRORS)
     assert search._depth(0.01) == {"settings.depth": 2}
     assert search._depth(0.002) == {"settings.depth": 4}
-    # No measured depth is good enough: the render refuses the error, with a depth that would do.
+    # None leaves out far less than this error, but one leaves room for noise.
+    assert search._depth(3e-6) == {"settings.depth": 8}
+    # No depth is good enough: the render refuses the error, with a depth that would do.
     assert search._depth(1e-6) == {}
     # A smaller depth that is no faster is not taken.
     own = replace(search.report.default, seconds=Band(*[1e-9] * 3))

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from visray import clock
-from visray.adaptive.depth_bias import depth_biases
+from visray.adaptive.depth_bias import deeper_than, depth_biases, depth_without_bias
 from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.error_floor import LARGER, Files, check_precision
 from visray.adaptive.evidence import NotANumber
@@ -31,7 +31,7 @@ from visray.progress import Interrupts
 from visray.scene.address import changed
 from visray.scene.adjusted import adjusted
 from visray.scene.load import checked, load
-from visray.scene.scene import DEEPEST, Scene
+from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare, set_threads
 from visray.study.cost import study
 from visray.study.cost.choices import DEPTH, PRECISION, SAMPLER, SPP
@@ -43,6 +43,8 @@ from visray.study.cost.writing import duration, interval, number, percent
 
 # The squared bias of a depth or of single precision is at most this share of the squared error.
 BELOW = 1 / 16
+# If no depth leaves out so little, one that leaves room for noise: its squared bias is at most this share.
+ROOM = 1 / 4
 # Samples per pixel, in each half, that measure what a depth leaves out.
 PILOT = 4
 # Renders with the same settings are repeated, by turns, up to RENDERS times until they took so many seconds together.
@@ -149,25 +151,27 @@ class _Tuner:
         return {PRECISION: "double"} if too_rough and self.own[PRECISION] == "single" else {}
 
     def _depth(self, error: float) -> Settings:
-        """The least measured depth that leaves out far less than an error and is faster than the scene's own; a larger
-        one if the scene's own leaves out more; nothing if no measured depth is better."""
+        """The least depth that leaves out far less than an error and is faster than the scene's own; a larger one if
+        the scene's own leaves out more; nothing if no depth is better."""
         if DEPTH not in self.own:
             return {}
         own, biases = self.own[DEPTH], self.depth_biases()
         points = {p.value: p for c in self.report.curves if c.setting == "depth" for p in c.points}
-        for depth in sorted(biases):
-            faster = points[depth].seconds.high < self.report.default.seconds.low
-            if biases[depth].high <= BELOW * error**2 and (depth >= own or faster):
-                return {DEPTH: depth}
+        for share in (BELOW, ROOM):
+            for depth in sorted(biases):
+                faster = depth in points and points[depth].seconds.high < self.report.default.seconds.low
+                if biases[depth].high <= share * error**2 and (depth >= own or (faster and share == BELOW)):
+                    return {DEPTH: depth}
         return {}
 
     def depth_biases(self) -> dict[int, Band]:
-        """Squared relative bias of each depth of the study, at the scene's own size."""
+        """Squared relative bias of each depth of the study, and of larger ones, at the scene's own size."""
         depths = tuple(p.value for c in self.report.curves if c.setting == "depth" for p in c.points)
+        depths += deeper_than(max(depths))
         buffer = DualBuffer(prepare(adjusted(self.scene, sampler="sobol")))
         buffer.extend(np.full_like(buffer.counts, PILOT))
         scale = (buffer.estimate().luminance or 1.0) ** 2
-        biases = depth_biases(buffer, depths, min(4 * max(depths) + 4, DEEPEST))
+        biases = depth_biases(buffer, depths, depth_without_bias(max(depths)))
         return {b.depth: Band(*(max(x, 0.0) / scale for x in (b.square, b.low, b.high))) for b in biases}
 
     def _rendered(self, choices: list[Settings]) -> list[Measured | None]:

@@ -19,8 +19,9 @@ SCENE = """\
   "background": {"top": "steelblue", "bottom": "white"},
 
   // Lights. Other types: point, directional, spot, rectangle, disk. A larger radius makes softer shadows.
+  // The key light is far away, so it lights the whole floor evenly.
   "lights": {
-    "key": {"type": "sphere", "position": [-4, 8, 5], "radius": 1},
+    "key": {"type": "sphere", "position": [-40, 80, 50], "radius": 10},
     "fill": {"type": "directional", "direction": [-1, -0.6, -0.3], "intensity": 0.25}
   },
 
@@ -71,9 +72,9 @@ scene = vr.Scene(
     film=vr.Film(width=640, height=400),
     # What is behind everything. A colour is a name of CSS, sRGB as in "#cc3333", or three numbers in linear light.
     background=vr.SkyGradient(top="steelblue", bottom="white"),
-    # Lights. A larger radius makes softer shadows.
+    # Lights. A larger radius makes softer shadows. The key light is far away, so it lights the whole floor evenly.
     lights={
-        "key": vr.SphereLight(position=(-4, 8, 5), radius=1),
+        "key": vr.SphereLight(position=(-40, 80, 50), radius=10),
         "fill": vr.DirectionalLight(direction=(-1, -0.6, -0.3), intensity=0.25),
     },
     # Light that comes from everywhere, so that shadows are not black.

@@ -86,6 +86,10 @@ WRONG = {
         f"render {SPHERE} --tim 1",
         "--tim: there is no such option; did you mean --time? visray render --help lists all",
     ),
+    "another word": (
+        f"render {SPHERE} --samples 4",
+        "--samples: there is no such option; did you mean --spp? visray render --help lists all",
+    ),
     "no command": (SPHERE, f"{SPHERE}: is a scene, and no command; visray render {SPHERE} makes its picture"),
     "no value": ("render a --set", "--set: its value is missing; visray render --help says what it takes"),
     "choice": (f"render {SPHERE} --precision half", "--precision = half: must be one of single, double"),
@@ -103,6 +107,20 @@ def test_a_stranger_is_told_what_is_right(name, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words, line = WRONG[name]
     assert said(capsys, *words.split()) == (2, "", f"visray: {line}\n")
+
+
+def test_samples_are_spp(capsys, tmp_path):
+    """In a file, in an assignment, and in Python."""
+    path = tmp_path / "ball.json"
+    path.write_text('{"settings": {"samples": 4}}')
+    assert "settings.samples: unknown key; did you mean 'spp'?" in said(capsys, "explain", str(path))[2]
+    code, _, err = said(capsys, "explain", SPHERE, "--set", "settings.samples=4")
+    assert code == 2 and "settings has no 'samples'; did you mean \"spp\"?" in err
+    with pytest.raises(TypeError, match="did you mean 'spp'"):
+        vr.Settings(samples=4)
+    with pytest.raises(TypeError, match='did you mean "spp"'):
+        vr.render(SPHERE, samples=4)
+    assert vr.SphereLight((0, 3, 0), samples=4).samples == 4  # of a light they are called so
 
 
 def test_files_that_may_be_meant_are_named(capsys, tmp_path, monkeypatch):

@@ -6,6 +6,8 @@ from typing import Any
 
 # Largest number of choices that a hint lists, and of those in which it looks for a similar one.
 LISTED, COMPARED = 60, 200
+# Words of other programs, and what they are called here. One counts only where it is a choice.
+OTHER_WORDS = {"samples": "spp", "sample": "spp", "samples_per_pixel": "spp", "resolution": "size", "bounces": "depth"}
 
 
 def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
@@ -22,9 +24,14 @@ def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
 
 
 def similar(word: str, choices: list[str]) -> list[str]:
-    """List of the choices that are similar to a word, the best first: `kd` for `Kd`, `radius` for `radus`."""
+    """List of the choices that are similar to a word, the best first: `kd` for `Kd`, `radius` for `radus`, `spp` for
+    `samples`. Choices may be options: `--spp` for `--samples`."""
     if same := [c for c in choices if c.casefold() == word.casefold()]:
         return same
+    plain = word.lstrip("-")
+    other = OTHER_WORDS.get(plain.casefold().replace("-", "_"))
+    if other and (named := word.removesuffix(plain) + other) in choices:
+        return [named]
     if len(choices) > COMPARED:
         choices = [c for c in choices if c[:1].casefold() == word[:1].casefold()][:COMPARED]
     return get_close_matches(word, choices, 1)

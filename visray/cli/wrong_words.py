@@ -16,6 +16,7 @@ from cyclopts.exceptions import (
 
 from visray.cli.scene_files import is_scene, missing
 from visray.cli.words import is_assignment
+from visray.hints import similar
 
 # What a value of each type is, in words.
 NUMBERS = {int: "a whole number", float: "a number", Path: "a file"}
@@ -33,7 +34,7 @@ def explained(error: CycloptsError, app: App) -> str:
             if word == "-":
                 return "-: a scene is read from no pipe; write it to a file first, such as scene.json"
             names = [name for argument in error.argument_collection if argument.parse for name in argument.names]
-            near = get_close_matches(word, names, 1)
+            near = similar(word, names)
             return f"{word}: there is no such option; {_or(near)}{command} --help lists all"
         case MissingArgumentError():
             return _missing(error, command)

@@ -123,6 +123,31 @@ def test_samples_are_spp(capsys, tmp_path):
     assert vr.SphereLight((0, 3, 0), samples=4).samples == 4  # of a light they are called so
 
 
+@pytest.mark.parametrize(
+    ("name", "address"),
+    [
+        ("spp", "settings.spp"), ("samples", "settings.spp"), ("width", "film.width"), ("height", "film.height"),
+        ("fov", "camera.fov"), ("filter.type", "film.filter.type"), ("origin.0", "camera.origin.0"),
+    ],
+)  # fmt: skip
+def test_a_field_of_a_part_of_the_scene_is_looked_for_there(name, address, capsys):
+    head = name.split(".")[0]
+    line = f"visray: {name}: the scene has no '{head}'; write {address}\n"
+    assert said(capsys, "explain", SPHERE, "--set", f"{name}=3") == (2, "", line)
+    assert vr.value(vr.load(SPHERE), address) is not None
+
+
+def test_a_field_of_a_part_of_the_scene_at_the_head_of_a_file(capsys, tmp_path):
+    path = tmp_path / "ball.json"
+    path.write_text('{"spp": 4, "fov": 30}')
+    assert said(capsys, "explain", str(path))[2].splitlines() == [
+        f'visray: {path}: spp = 4: is a field of settings; write "settings": {{"spp": ...}}',
+        f'visray: {path}: fov = 30: is a field of camera; write "camera": {{"fov": ...}}',
+    ]
+    with pytest.raises(TypeError, match=r"^Scene\(\) has no 'spp'; write settings=vr\.Settings\(spp=\.\.\.\)$"):
+        vr.Scene(spp=4)
+
+
 def test_files_that_may_be_meant_are_named(capsys, tmp_path, monkeypatch):
     (tmp_path / "scenes").mkdir()
     (tmp_path / "scenes" / "cup.json").write_text("{}")

@@ -17,7 +17,7 @@ from visray.colors import color_as_picked
 from visray.data.data_scene import Data
 from visray.data.layer import ROW_NUMBER
 from visray.errors import UserError
-from visray.hints import hint
+from visray.hints import OTHER_WORDS, hint
 from visray.materials import Material
 from visray.operands import ROLES
 from visray.primitives.primitive import Primitive
@@ -168,6 +168,8 @@ def _value_at(root: Any, address: str) -> Any:
             owner = ".".join(keys[:i]) or "the scene"
             more = ["color"] if i == 2 and keys[0] == "materials" else []
             text = f"{owner} has no {key!r}; {hint(key, [*more, *choices])}"
+            if i == 0 and (own := OTHER_WORDS.get(key, key)) in Scene.OWNERS:
+                text = f"the scene has no {key!r}; write {'.'.join((Scene.OWNERS[own], own, *keys[1:]))}"
             if owner == "camera" and node is not None and (instead := _misplaced(node, key)):
                 text = instead
             if i == 2 and keys[0] == "objects" and key in Primitive.MISPLACED:

@@ -35,7 +35,9 @@ def with_named_entries(kind: type) -> type:
     def __init__(self: Any, **given: Any) -> None:
         names = kind.__dataclass_fields__
         if unknown := [name for name in given if name not in names]:
-            raise TypeError(f"{kind.__name__}() has no {unknown[0]!r}; {hint(unknown[0], names, chr(39))}")
+            name, part = unknown[0], kind.OWNERS.get(unknown[0])
+            right = f"write {part}=vr.{part.title()}({name}=...)" if part else hint(name, names, "'")
+            raise TypeError(f"{kind.__name__}() has no {name!r}; {right}")
         plain_init(self, **named(given))
 
     kind.__init__ = __init__

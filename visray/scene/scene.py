@@ -3,11 +3,11 @@
 import hashlib
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, ClassVar, Literal, Union
 
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, TypeAdapter
@@ -171,6 +171,15 @@ Light = Annotated[Union[lights.KINDS], Field(discriminator="type")]
 Texture = Annotated[Union[textures.KINDS], Field(discriminator="type")]
 
 
+# Parts of a scene by the names of their fields.
+_OWNERS = {
+    f.name: part
+    for part, kind in (("camera", cameras.Camera), ("film", Film), ("settings", Settings))
+    for f in fields(kind)
+    if f.name != "type"
+}
+
+
 @with_named_entries
 @dataclass(frozen=True, kw_only=True)
 class Scene(Buildable):
@@ -179,6 +188,11 @@ class Scene(Buildable):
     it. If `camera` or `lights` is None, it is fitted to the scene when the scene is checked (fitted_scene.py)."""
 
     __pydantic_config__ = STRICT
+    # By the name of a field that a part of the scene has: this part, and what is right instead.
+    OWNERS: ClassVar[dict[str, str]] = _OWNERS
+    MISPLACED: ClassVar[dict[str, str]] = {
+        name: f'is a field of {part}; write "{part}": {{"{name}": ...}}' for name, part in _OWNERS.items()
+    }
     camera: Camera | None = None
     film: Film = field(default_factory=Film)
     background: Background = SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))

@@ -92,6 +92,17 @@ WRONG = {
     ),
     "no command": (SPHERE, f"{SPHERE}: is a scene, and no command; visray render {SPHERE} makes its picture"),
     "no value": ("render a --set", "--set: its value is missing; visray render --help says what it takes"),
+    "a size below 0": (
+        f"render {SPHERE} --size -64x48",
+        "--size = '-64x48': must be WIDTHxHEIGHT in whole pixels greater than 0, such as 640x480",
+    ),
+    "a pixel below 0": (
+        f"explain {SPHERE} --why -1,2", "--why = '-1,2': must be X,Y, the column and row of a pixel, such as 320,240"
+    ),
+    "a time below 0": (f"render {SPHERE} --time -5s", "time = -5.0: must be a finite number above 0, such as 10"),
+    "an error below 0": (
+        f"render {SPHERE} --error -1%", "--error = '-1%': must be an error above 0 and below 100 %, such as 1% or 0.01"
+    ),
     "choice": (f"render {SPHERE} --precision half", "--precision = half: must be one of single, double"),
     "twice": (f"render {SPHERE} --spp 1 --spp 2", "--spp: is given twice; leave one out"),
     "too many": (f"render {SPHERE} b.json", "b.json: is one word too many; visray render --help says what it takes"),

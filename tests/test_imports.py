@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "visray"
 FLOORS = """
 clock errors warn memory identity_cache named_files drjit_import terminal hints arguments version pass_timer leftovers
 work_threads
-scene.garbage scene.comments scene.source
+scene.garbage scene.comments scene.other_files scene.source
 llvm
 output.curves
 colors

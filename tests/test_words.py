@@ -4,8 +4,10 @@ import json
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cyclopts import Token
+from PIL import Image as Pillow
 
 import visray as vr
 from visray.cli import main
@@ -157,6 +159,31 @@ def test_a_field_of_a_part_of_the_scene_at_the_head_of_a_file(capsys, tmp_path):
     ]
     with pytest.raises(TypeError, match=r"^Scene\(\) has no 'spp'; write settings=vr\.Settings\(spp=\.\.\.\)$"):
         vr.Scene(spp=4)
+
+
+def test_a_program_or_a_picture_in_place_of_a_scene(capsys, tmp_path, monkeypatch):
+    """Pictures are known by their bytes, whatever they are called."""
+    monkeypatch.chdir(tmp_path)
+    assert said(capsys, "new", "--python")[0] == 0
+    line = "visray: scene.py: is a Python program, not a scene; run it: python scene.py\n"
+    assert said(capsys, "render", "scene.py") == (2, "", line)
+    line = "visray: scene.py: is a Python program, and no command; run it: python scene.py\n"
+    assert said(capsys, "scene.py") == (2, "", line)
+    image = vr.Image({"RGB": np.full((8, 8, 3), 0.5, np.float32)})
+    for name in ("ball.png", "ball.exr"):
+        image.write(name)
+        line = f"visray: {name}: is a picture, not a scene; give the .json file of a scene\n"
+        assert said(capsys, "explain", name) == (2, "", line)
+    for form in ("JPEG", "GIF", "TIFF", "WEBP"):
+        Pillow.new("RGB", (8, 8)).save("ball.json", form)
+        with pytest.raises(UserError, match=r"^ball\.json: is a picture, not a scene"):
+            vr.load("ball.json")
+    Path("ball.json").write_text("{}")
+    assert said(capsys, "render", "ball.png")[2] == (
+        "visray: ball.png: is a picture, not a scene; give its scene, ball.json\n"
+    )
+    Path("odd.py").write_text("{}")
+    assert vr.load("odd.py") == vr.load("ball.json")
 
 
 def test_files_that_may_be_meant_are_named(capsys, tmp_path, monkeypatch):

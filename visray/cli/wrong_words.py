@@ -59,6 +59,8 @@ def _unknown_command(word: str, app: App) -> str:
         return f"{word}: is a scene, and no command; visray render {word} makes its picture"
     if path.suffix.lower() in TABLES and path.is_file():
         return f"{word}: is a table, and no command; visray data {word} makes its picture"
+    if path.suffix.lower() == ".py" and path.is_file():
+        return f"{word}: is a Python program, and no command; run it: python {word}"
     commands = [name for name in app if not name.startswith("-")]
     near = get_close_matches(word, commands, 1)
     return f"{word}: there is no such command; {_or([f'visray {name}' for name in near])}visray --help lists all"

@@ -11,6 +11,7 @@ from typing import Any
 from visray.errors import UserError
 from visray.scene.comments import without_comments
 from visray.scene.garbage import uncollected
+from visray.scene.other_files import other_file
 
 # A whole number of at most this many digits fits a double. A longer one is read as a float, which may be infinite.
 LONGEST_INTEGER = 300
@@ -72,6 +73,8 @@ def read(path: str | Path) -> Source:
         raise UserError(f"{path}: is a folder; give a file in it") from None
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if other := other_file(Path(path), data):
+        raise UserError(f"{path}: {other}")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

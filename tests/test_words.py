@@ -1,6 +1,7 @@
 """The words of the command line: assignments, numbers with units, and what a stranger is told of a wrong word."""
 
 import json
+import re
 import shlex
 from pathlib import Path
 
@@ -250,3 +251,27 @@ def test_what_a_material_has_is_looked_for_there(key, tmp_path, capsys):
     plain = vr.Scene(objects={"ball": vr.Sphere()})
     with pytest.raises(UserError, match=rf"^objects\.ball\.{key}: a material has this"):
         changed(plain, {f"objects.ball.{key}": 0.5})
+
+
+@pytest.mark.parametrize(
+    ("key", "field", "example"),
+    [
+        ("color", "Id", 'Id = [1, 0.8, 0.6] or Id = "orange"'),
+        ("colour", "Id", 'Id = [1, 0.8, 0.6] or Id = "orange"'),
+        ("power", "intensity", "intensity = 2"),
+        ("strength", "intensity", "intensity = 2"),
+    ],
+)
+def test_colour_and_power_of_a_light(key, field, example, tmp_path, capsys):
+    """In files, in assignments and in Python; and what the example says is right."""
+    path = tmp_path / "ball.json"
+    path.write_text(json.dumps({"lights": {"key": {"type": "sphere", "position": [0, 3, 0], key: "red"}}}))
+    code, _, err = said(capsys, "explain", str(path))
+    assert code == 2 and f'lights.key.{key} = "red": ' in err and err.endswith(f"is {field}, as in {example}\n")
+    for kind in (vr.SphereLight, vr.PointLight, vr.DirectionalLight):
+        with pytest.raises(TypeError, match=rf"^{kind.__name__}\(\) has no '{key}'; .*, as in {re.escape(example)}$"):
+            kind((0, 3, 0), **{key: "red"})
+    code, _, err = said(capsys, "explain", SPHERE, "--set", f"lights.key.{key}=1")
+    assert (code, err) == (2, f"visray: lights.key.{key}: lights.key has no '{key}'; write lights.key.{field}\n")
+    light = vr.PointLight((0, 3, 0), Id="orange", intensity=2)
+    assert light.Id[0] == 1 and light.Id[2] == 0 and vr.PointLight((0, 3, 0), Id=[1, 0.8, 0.6]).Id == (1, 0.8, 0.6)

@@ -16,6 +16,15 @@ from pydantic import ConfigDict, Field
 
 from visray.quantities import Color, Factor
 
+# What lights of other programs have, and the field that a light has instead.
+INSTEAD = {
+    **dict.fromkeys(("color", "colour", "rgb", "diffuse"), "Id"),
+    **dict.fromkeys(("power", "strength", "energy", "brightness"), "intensity"),
+}
+EXAMPLES = {
+    "Id": 'the colour of a light is Id, as in Id = [1, 0.8, 0.6] or Id = "orange"',
+    "intensity": "the brightness of a light is intensity, as in intensity = 2",
+}
 # Up to this number the stratum of a sample is exact in single precision (sampling.jittered).
 Samples = Annotated[int, Field(strict=True, gt=0, le=2**16)]
 
@@ -39,6 +48,8 @@ class Light:
     b: Factor = 0.0
     c: Factor = 0.0
 
+    # By the name of a field that lights of other programs have: what is right instead.
+    MISPLACED: ClassVar[dict[str, str]] = {name: EXAMPLES[field] for name, field in INSTEAD.items()}
     section: ClassVar[str] = "lights"
     # Whether the light has a position, and whether it has an area.
     has_position: ClassVar[bool] = True

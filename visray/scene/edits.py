@@ -18,6 +18,7 @@ from visray.data.data_scene import Data
 from visray.data.layer import ROW_NUMBER
 from visray.errors import UserError
 from visray.hints import OTHER_WORDS, hint
+from visray.lights.light import INSTEAD
 from visray.materials import Material
 from visray.operands import ROLES
 from visray.primitives.primitive import Primitive
@@ -174,6 +175,8 @@ def _value_at(root: Any, address: str) -> Any:
                 text = instead
             if i == 2 and keys[0] == "objects" and key in Primitive.MISPLACED:
                 text = _of_its_material(root, node, key)
+            if i == 2 and keys[0] == "lights" and key in INSTEAD:
+                text = f"{owner} has no {key!r}; write {owner}.{INSTEAD[key]}"
             if key in (own := getattr(node, "parameters", None) or ()) and isinstance(own, dict):
                 text = f"{owner} has no {key!r}, but its formula has; write {owner}.parameters.{key}"
             if re.fullmatch(r"data\.layers\.[^.]+\.rows", owner) and re.fullmatch(ROW_NUMBER, key):

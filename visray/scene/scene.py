@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Union
+from typing import Annotated, Any, Literal, Union
 
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, TypeAdapter
@@ -189,8 +189,9 @@ class Scene(Buildable):
 
     __pydantic_config__ = STRICT
     # By the name of a field that a part of the scene has: this part, and what is right instead.
-    OWNERS: ClassVar[dict[str, str]] = _OWNERS
-    MISPLACED: ClassVar[dict[str, str]] = {
+    # They have no type annotation, as __dataclass_fields__ holds all names that have one.
+    OWNERS = _OWNERS
+    MISPLACED = {
         name: f'is a field of {part}; write "{part}": {{"{name}": ...}}' for name, part in _OWNERS.items()
     }
     camera: Camera | None = None

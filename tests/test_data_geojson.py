@@ -2,6 +2,7 @@
 
 import copy
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -197,7 +198,9 @@ def test_other_json(table):
     assert table([{"lon": 1, "lat": 2}, {"lon": 3}], "a.json").columns["lon"].tolist() == [1, 3]
     assert len(table(collection(feature(geometry("Point"))), "a.json")) == 1
     assert "is a scene" in refusal(table, {"typeScene": "REALDATA"}, "a.json")
-    assert "is a scene" in refusal(table, {"camera": {}, "objects": {}, "lights": {}}, "a.json")
+    for scene in ({"camera": {}, "objects": {}, "lights": {}}, {"objects": {"ball": {"type": "sphere"}}}):
+        line = refusal(table, scene, "a.json")
+        assert re.search(r"a\.json: is a scene, not a table; visray render .*a\.json makes its picture$", line)
     for content in (3, None, "x", {}, [], [1], {"lon": [1, 2], "lat": 3}, {"lon": [1], "lat": [1, 2]}):
         assert refusal(table, content, "a.json")
 

@@ -16,6 +16,8 @@ from visray.terminal import printable
 
 # Bytes of memory that a byte of JSON takes while it is read.
 JSON_BYTES = 16
+# Keys of scenes whose values are objects. The columns of a table are lists.
+OF_SCENES = ("camera", "film", "settings", "lights", "materials", "textures", "geometries", "objects", "data")
 
 
 def read_json(path: Path) -> Table:
@@ -34,8 +36,8 @@ def read_json(path: Path) -> Table:
     kind = raw.get("type") if isinstance(raw, dict) else None
     if kind == "Topology":
         raise UserError(f"{path}: is TopoJSON, not GeoJSON; convert it: topo2geo LAYER=NEW.geojson < OLD.json")
-    if isinstance(raw, dict) and ("typeScene" in raw or isinstance(raw.get("camera"), dict)):
-        raise UserError(f"{path}: is a scene, not a table; render it as it is")
+    if isinstance(raw, dict) and ("typeScene" in raw or any(isinstance(raw.get(x), dict) for x in OF_SCENES)):
+        raise UserError(printable(f"{path}: is a scene, not a table; visray render {path} makes its picture"))
     if path.suffix.lower() == ".geojson" and not is_geojson(raw):
         what = "type is missing" if kind is None else f"type = {shown(str(kind))}"
         raise UserError(printable(f"{path}: {what}: must be FeatureCollection, Feature, or the type of a geometry"))

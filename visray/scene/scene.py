@@ -191,9 +191,7 @@ class Scene(Buildable):
     # By the name of a field that a part of the scene has: this part, and what is right instead.
     # They have no type annotation, as __dataclass_fields__ holds all names that have one.
     OWNERS = _OWNERS
-    MISPLACED = {
-        name: f'is a field of {part}; write "{part}": {{"{name}": ...}}' for name, part in _OWNERS.items()
-    }
+    MISPLACED = {name: f'is a field of {part}; write "{part}": {{"{name}": ...}}' for name, part in _OWNERS.items()}
     camera: Camera | None = None
     film: Film = field(default_factory=Film)
     background: Background = SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))

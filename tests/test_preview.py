@@ -27,6 +27,7 @@ from terminals import (
 )
 
 SPHERE = str(Path(__file__).resolve().parents[1] / "scenes" / "sphere.json")
+PORTS = str(Path(__file__).resolve().parents[1] / "scenes" / "data" / "ports.csv")
 SMALL = ["--size", "48x32", "--spp", "4"]
 # A script that shows a picture of some columns and rows.
 SCRIPT = """
@@ -166,16 +167,23 @@ def test_what_is_transparent_is_black(monkeypatch, capsys):
     assert pixels.tolist() == [[[0] * 3, [188] * 3, [188] * 3], [[188] * 3] * 3]
 
 
-def test_output_that_is_piped_shows_nothing(tmp_path, capsys, monkeypatch):
-    """A note says so, and the files are written as without the option."""
+@pytest.mark.parametrize("words", [["render", SPHERE, *SMALL], ["data", PORTS, *SMALL], ["surface", "heart", *SMALL]])
+def test_without_a_terminal_a_look_is_refused(words, tmp_path, capsys, monkeypatch):
+    """It would show nothing, and replaces no file. With -o, the file is written, and a note says that none looks."""
     with pytest.raises(UserError, match="standard output is not a terminal"):
         screen()
     monkeypatch.chdir(tmp_path)
-    assert main(["render", SPHERE, *SMALL, "--preview"]) == 0
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    text = "preview: standard output is not a terminal, so it shows no picture"
+    for more in ([], ["--quiet"]):
+        assert main([*words, "--preview", *more]) == 2
+        assert capsys.readouterr() == ("", f"visray: {text}; -o picture.png writes a file\n")
+    assert list(tmp_path.iterdir()) == []
+    assert main([*words, "--preview", "-o", "a.png"]) == 0
     out, err = capsys.readouterr()
-    assert err.startswith("visray: note: preview: standard output is not a terminal") and err.count("\n") == 1
-    assert out.startswith("sphere.exr, sphere.png: 48 x 32") and "\x1b" not in out
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["sphere.exr", "sphere.png"]
+    assert f"visray: note: {text}\n" in err and "picture.png" not in out + err and "\x1b" not in out
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
 
 
 def test_the_report_and_the_picture_do_not_mix(capsys):

@@ -135,7 +135,7 @@ def data_command(
         return describe_table(file, json)
     if quiet:
         warnings.simplefilter("ignore")
-    showing = Showing.of(show, preview, json)
+    showing = Showing.of(show, preview, json, output)
     outputs = showing.outputs(output, [Path(file.stem + ".png")])
     reserve(outputs, json=json, preview=showing.screen is not None)
     if save is not None:

@@ -144,7 +144,7 @@ def render_command(
     with kept_notes() as notes:
         changes = {"spp": spp, **film_changes(size, scale, region, filter), "seed": seed, "precision": precision}
         check_cluster(cluster)
-        showing = showing or Showing.of(show, preview, json)
+        showing = showing or Showing.of(show, preview, json, output)
         asked = showing.outputs(output, [Path(scene.stem + suffix) for suffix in (".exr", ".png")])
         reserve(asked, json=json, preview=showing.screen is not None)
         if (not asked or is_aside(asked[0])) and (checkpoint or resume):

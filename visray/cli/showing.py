@@ -4,6 +4,7 @@ Without -o, a picture that is shown is not written: a short look replaces no fil
 """
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,11 +28,12 @@ class Showing:
     screen: "Screen | None" = None
 
     @staticmethod
-    def of(show: bool, preview: bool, json: bool) -> "Showing":
-        """What the options ask for. Call this before a long render. Raises a UserError if no window can be opened; a
-        terminal that shows no pictures is only noted, as scripts have none.
+    def of(show: bool, preview: bool, json: bool, outputs: Sequence[Path]) -> "Showing":
+        """What the options ask for. Call this before a long render. Raises a UserError if no window can be opened, or
+        if nobody would get the picture, because standard output shows none. If the picture is written or shown in a
+        window as well, this is only noted, as scripts have no terminal.
 
-        show, preview, json: whether these options are given.
+        show, preview, json: whether these options are given. outputs: the files of -o.
         """
         if preview and json:
             raise UserError("--preview and --json: both write to standard output; leave one out, or use --show")
@@ -39,7 +41,7 @@ class Showing:
             from visray.output.system_viewer import check_viewer
 
             check_viewer()
-        return Showing(show, _screen() if preview else None)
+        return Showing(show, _screen(needed=not (show or outputs)) if preview else None)
 
     def __bool__(self) -> bool:
         return self.window or self.screen is not None
@@ -74,12 +76,12 @@ class Showing:
         return show_png(image.png(gamma, exposure), f"{name}.png")
 
 
-def _screen() -> "Screen | None":
-    """The terminal; None, with a note, if it shows no pictures."""
-    from visray.output.preview import screen
+def _screen(needed: bool) -> "Screen | None":
+    """The terminal; None, with a note, if it shows no pictures. needed: whether this is an error."""
+    from visray.output.preview import obstacle, screen
 
-    try:
+    found = None if needed else obstacle()
+    if found is None:
         return screen()
-    except UserError as error:
-        warnings.warn(str(error), stacklevel=1)
-        return None
+    warnings.warn(f"preview: {found[0]}", stacklevel=1)
+    return None

@@ -101,7 +101,7 @@ def surface_command(
     numbers, texts = _parse_parameters(param), {"--color": color, "--inside": inside}
     colors = [_parse_color(option, text) for option, text in texts.items()]
     direction, film = _parse_triple("--from", towards, "1,-2,1"), parse_size(size)
-    showing = Showing.of(show, preview, json)
+    showing = Showing.of(show, preview, json, output)
     reserve(output, json=json, preview=showing.screen is not None)
     from visray.output.files import check_writable, write_text
 

@@ -38,22 +38,29 @@ class Screen:
     shape: float
 
 
+def obstacle() -> tuple[str, str] | None:
+    """Why standard output shows no pictures, and what does instead; None if it shows them."""
+    from visray import tables
+
+    if not terminal.is_terminal():
+        instead = "--show opens a window" if has_windows() else "-o picture.png writes a file"
+        return "standard output is not a terminal, so it shows no picture", instead
+    if tables.console().color_system is None:
+        instead = "--show does" if has_windows() else "-o picture.png writes a file"
+        return f"a terminal with TERM={os.environ.get('TERM', '')} shows no picture", instead
+    if not terminal.can_write(BLOCKS):
+        return "the encoding of standard output has no half blocks", "set it to UTF-8, or use --show"
+    return None
+
+
 def screen() -> Screen:
     """The terminal on standard output. Raises a UserError if it shows no pictures.
 
     It is asked what it can do, and given a tenth of a second for each answer. Call this before a long render: what the
     user types meanwhile would be taken for an answer.
     """
-    from visray import tables
-
-    if not terminal.is_terminal():
-        instead = "--show opens a window" if has_windows() else "-o picture.png writes a file"
-        raise UserError(f"preview: standard output is not a terminal, so it shows no picture; {instead}")
-    if tables.console().color_system is None:
-        instead = "--show does" if has_windows() else "-o picture.png writes a file"
-        raise UserError(f"preview: a terminal with TERM={os.environ.get('TERM', '')} shows no picture; {instead}")
-    if not terminal.can_write(BLOCKS):
-        raise UserError("preview: the encoding of standard output has no half blocks; set it to UTF-8, or use --show")
+    if found := obstacle():
+        raise UserError("preview: " + "; ".join(found))
     # At its import the library asks the terminal, too, and when an answer is missing, it logs that.
     logging.getLogger("textual_image").addHandler(logging.NullHandler())
     with terminal.as_output(False):

@@ -19,6 +19,7 @@ from visray import camera, lights, primitives, textures
 from visray.animation import kinds as tracks
 from visray.animation.track import TimedTrack
 from visray.camera import Viewpoint
+from visray.cli import program
 from visray.cli.commands import app
 from visray.cli.words import written_out
 from visray.data import base
@@ -368,6 +369,15 @@ def test_every_choice_of_a_setting_is_on_the_page_of_scenes():
             # The modes of shading have a table of their own, which is made from their records.
             text = TEXTS["scenes"] if field == "shading" else rows[field][2]
             assert f"`{choice}`" in text, f"settings.{field}: {choice}"
+
+
+def test_the_table_of_exit_codes_has_all_of_them():
+    """That a live picture ends with 0 at Ctrl-C is shown by test_endings.py."""
+    rows = re.findall(r"^\| (\d+) \| (.*) \|$", TEXTS["command-line"], re.MULTILINE)
+    codes = {program.BAD_INPUT, program.INTERNAL_ERROR, program.INTERRUPTED, program.TERMINATED}
+    meanings = {int(code): text for code, text in rows}
+    assert meanings.keys() == {0, 1, *codes}
+    assert "visray view" in meanings[0] and "with 0" in meanings[program.INTERRUPTED]
 
 
 def test_the_known_surfaces_are_counted_right():

@@ -150,10 +150,17 @@ def test_the_list_has_all_names_whole(capsys, monkeypatch):
     rows = [line for line in out.splitlines() if line.startswith("│")]
     first = [row.split("│")[1].strip() for row in rows]
     assert code == 0 and [name for name in first if name] == list(SURFACES)
+    titles = [row.split("│")[2].strip() for row in rows]
+    assert [title for title in titles if title] == [known.title for known in SURFACES.values()]
+    assert [cell.strip() for cell in out.splitlines()[2].split("┃")[1:3]] == ["name", "surface"]
+    assert "…" not in out
+    assert max(map(len, out.splitlines()[:-1])) <= 80
     (kummer,) = (row for row in rows if " kummer " in row)
     assert [cell.strip() for cell in kummer.split("│")[3:6]] == ["4", "16", "mu = 1.3"]
     (boy,) = (row for row in rows if " boy " in row)
-    assert "not isolated" in boy
+    assert [cell.strip() for cell in boy.split("│")[3:6]] == ["6", "curves", ""]
+    chair = next(i for i, row in enumerate(rows) if " chair " in row)
+    assert [row.split("│")[5].strip() for row in rows[chair : chair + 3]] == ["a = 0.95", "b = 0.8", "k = 5"]
 
 
 def test_one_surface_is_told_whole(capsys, monkeypatch):

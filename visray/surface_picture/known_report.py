@@ -25,13 +25,21 @@ def as_json(names: Iterable[str]) -> dict[str, Any]:
 
 
 def list_table(names: Iterable[str]) -> Table:
-    """A table of known surfaces, with a row for each."""
+    """A table of known surfaces, with a row for each, and one more for each parameter after the first. A terminal of 80
+    columns shows it whole."""
     shown = Table(
-        Column("surface", no_wrap=True), "", Column("degree", justify="right"), "singular points", "parameters"
+        Column("name", no_wrap=True),
+        Column("surface", no_wrap=True),
+        Column("degree", justify="right"),
+        "singular points",
+        "--param",
     )
     for name, known in ((name, SURFACES[name]) for name in names):
-        singular = str(known.singular_count) if known.singular_count is not None else "not isolated"
-        shown.add_row(name, known.title, str(degree(known)), singular, _parameters(known))
+        singular = str(known.singular_count) if known.singular_count is not None else "curves"
+        first, *others = [f"{x} = {value:.5g}" for x, value in known.parameters.items()] or [""]
+        shown.add_row(name, known.title, str(degree(known)), singular, first)
+        for other in others:
+            shown.add_row("", "", "", "", other)
     return shown
 
 

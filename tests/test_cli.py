@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -90,6 +91,14 @@ def test_explain(capsys):
     code, out, _ = said(capsys, "explain", SPHERE, "--json", "--set", "settings.shadows=false")
     listed = {f["name"]: f for f in json.loads(out)["features"]}
     assert not listed["shadows"]["on"] and listed["shadows"]["reason"] == "settings.shadows is false"
+
+
+def test_explain_lists_which_of_two_solids_counts(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    code, out, _ = said(capsys, "explain", str(SCENES / "everything.json"))
+    rows = [[cell.strip() for cell in re.split("[┃│]", line)[1:-1]] for line in out.splitlines()]
+    start = rows.index(["where both overlap, this counts", "not this", "why"])
+    assert code == 0 and rows[start + 2] == ["objects.wine", "objects.tumbler", "volume 0.0746 is smaller than 0.1832"]
 
 
 def test_check(tmp_path, capsys):

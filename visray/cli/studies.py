@@ -145,10 +145,10 @@ def _table_of_meshes(meshes: "tuple[MeshFacts, ...]") -> "Table":
 
 
 def _table_of_overlaps(on: "Features") -> "Table":
-    """A table that says which of two transparent solids counts where both are."""
+    """A table that says which of two transparent solids counts where both overlap."""
     from visray.tables import Table
 
-    table = Table("where both are", "counts, not", "why")
+    table = Table("where both overlap, this counts", "not this", "why")
     for pair in on.overlaps[:SHOWN_OVERLAPS]:
         table.add_row(pair.counts, pair.hidden, pair.reason)
     if on.overlap_count > SHOWN_OVERLAPS:

@@ -178,6 +178,24 @@ def test_what_is_in_the_way() -> None:
     assert "objects.wall is in the way of 32 of 64 samples" in light.text()
 
 
+def test_a_material_that_reflects_no_light_is_named_as_the_reason() -> None:
+    """A mirror: no light is seen on it, wherever the light is. Where only ks is 0, light is seen."""
+    mirror = {"m": Material(kd=BLACK, kr=(0.5, 0.5, 0.5)), "other": Material()}
+    objects = FLOOR.objects | {"b": Sphere(center=(9, 0, 0), material="other")}
+    scene = replace(lit(lamp=PointLight(position=(0, 10, 4))), materials=mirror, objects=objects)
+    reason = "nothing of it is seen, as the material's kd and ks are 0"
+    (story,) = check(scene, [(1, 1)])
+    (light,) = story.surfaces[0].lights
+    assert light.diffuse == light.specular == BLACK and light.cosine > 0.9 and not light.in_way
+    assert sum(line.endswith(reason) for line in story.lines()) == 1
+    (story,) = check(replace(scene, materials=mirror | {"m": Material(kd=(0.0, 0.1, 0.0))}), [(1, 1)])
+    assert "nothing of it is seen" not in str(story)
+    below = replace(scene, lights={"lamp": PointLight(position=(0, -10, 4))}, materials=FLOOR.materials | mirror)
+    assert reason in str(check(below, [(1, 1)])[0])
+    below = replace(below, materials=mirror | FLOOR.materials)
+    assert str(check(below, [(1, 1)])[0]).count("behind the surface; nothing of it is seen\n") == 1
+
+
 def test_a_mirror_in_a_mirror() -> None:
     """Reflections down to the depth, with the products of kr as weights; nothing comes after."""
     kr = (0.5, 0.8, 1.0)

@@ -44,8 +44,8 @@ class LightStory:
     diffuse: Colour
     specular: Colour
 
-    def text(self) -> str:
-        """The story in one line."""
+    def text(self, reflects: bool = True) -> str:
+        """The story in one line. reflects: whether the material reflects the light of any light."""
         parts = [] if self.distance is None else [f"{shown(self.distance)} away"]
         parts.append(f"cosine {shown(self.cosine)}" + (", behind the surface" if self.cosine <= 0 else ""))
         if self.attenuation != 1:
@@ -56,7 +56,7 @@ class LightStory:
             of = "" if self.samples == 1 else f" of {round(share * self.samples)} of {self.samples} samples"
             parts.append(f"{address} is in the way{of}")
         if not any(self.diffuse + self.specular):
-            parts.append("nothing of it is seen")
+            parts.append("nothing of it is seen" + ("" if reflects else ", as the material's kd and ks are 0"))
         else:
             if any(t < 1 for t in self.transmittance) and self.in_way:
                 parts.append(f"{shown(self.transmittance)} passes")
@@ -129,8 +129,9 @@ class SurfaceStory:
             yield "   unlit: it shows kd as it is, whatever light falls on it"
         if self.ambient is not None:
             yield f"   ambient light: {shown(self.ambient)}"
+        reflects = any(self.material["kd"] + self.material["ks"])
         for light in self.lights[:MOST_LIGHTS]:
-            yield f"   {light.text()}"
+            yield f"   {light.text(reflects)}"
         if len(self.lights) > MOST_LIGHTS:
             yield f"   ... and {len(self.lights) - MOST_LIGHTS} lights more (--json has all)"
         share = "" if self.share == (1.0, 1.0, 1.0) else f", of which {shown(self.share)} counts"

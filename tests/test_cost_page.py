@@ -331,6 +331,40 @@ def test_the_advice_is_followed_by_options_and_what_was_measured(pages: dict[str
     assert options(noiseless()) == "--spp 1" and reason(noiseless()) == ""
 
 
+def test_advice_and_half_of_the_error_do_not_contradict_each_other() -> None:
+    """Where no measured choice is better, half of the error takes more time, or surely less, or that is not sure."""
+
+    def said(setting: str, value: int, *factor: float, beyond: bool = False) -> tuple[str, str, str, str]:
+        r = replace(study(), savings=(), halvings=(Price(setting, 0.5, Band(*factor), 0.2, value, beyond),))
+        return advice(r), reason(r), halving(r), options(r)
+
+    keep = "Keep the settings: nothing measured is clearly faster at this error, or more accurate in this time."
+    assert said("samples, sobol", 27, 1.4, 1.3, 1.5) == (
+        keep, "", "For half of the error, use 27 sobol samples per pixel: it takes 1.4 times the time (1.3 to 1.5).", ""
+    )  # fmt: skip
+    unsure = (
+        "For half of the error, try 27 sobol samples per pixel: it may take 80 % of the time (50 to 120), but this is "
+    )
+    assert said("samples, sobol", 27, 0.8, 0.5, 1.2) == (keep, "", unsure + "too uncertain to advise it.", "")
+    between = "This lies between two choices that were measured."
+    found = said("samples, independent", 27, 0.6, 0.5, 0.7)
+    assert found[:3] == (
+        "Use 27 independent samples per pixel: 50 % of the error in 60 % of the time.", between, ""
+    )  # fmt: skip
+    assert set(found[3].split(" --set ")) == {"--spp 27", "settings.sampler=independent"}
+    found = said("together", 12, 0.6, 0.5, 0.7)
+    assert found[0].startswith("Use 12 sobol samples per pixel, a depth of 9 and 8 light samples: 50 % of the error in")
+    assert found[1:3] == (between, "") and "--spp 12 " in found[3] and "settings.depth=9" in found[3]
+    # One that was measured says so.
+    assert said("samples, sobol", 64, 0.6, 0.5, 0.7)[1].startswith("Measured: ")
+    # What is carried on beyond the measured values is no advice.
+    carried = said("samples, sobol", 2000, 0.6, 0.5, 0.7, beyond=True)
+    assert carried[0] == keep and "it may take 60 % of the time (50 to 70) (not measured" in carried[2]
+    # Where there is an advice, half of the error is an offer beside it.
+    r = replace(study(), halvings=(Price("samples, sobol", 0.5, Band(0.8, 0.5, 1.2), 0.2, 27),))
+    assert advice(r).startswith("Use 12 sobol") and halving(r).startswith("For half of the error, use 27 sobol samples")
+
+
 def test_settings_have_plain_names(pages: dict[str, str]) -> None:
     """Words for them inside the program are on no page."""
     assert label("samples, sobol") == "samples per pixel, sobol" and label("lamp samples") == "lamp samples"

@@ -1,5 +1,6 @@
 """What a study of costs says in sentences: what to do first, then why."""
 
+from dataclasses import replace
 from math import isfinite
 from shlex import quote
 from typing import Any
@@ -34,9 +35,9 @@ def advice(report: Report) -> str:
     if report.noiseless:
         more = is_number(spp) and spp > 1
         return "Use 1 sample per pixel: this picture has no noise." if more else "Keep the settings: there is no noise."
-    if not report.savings:
-        return "Keep the settings: nothing measured is clearly faster or more accurate at no cost."
-    best = report.savings[0]
+    best = _best(report)
+    if best is None:
+        return "Keep the settings: nothing measured is clearly faster at this error, or more accurate in this time."
     error, time = (
         f"the same {name}" if share > SAME else f"{percent(share, 2)} of the {name}"
         for share, name in ((best.share, "error"), (best.factor.middle, "time"))
@@ -45,19 +46,19 @@ def advice(report: Report) -> str:
 
 
 def options(report: Report) -> str:
-    """The advice as options of `visray render`; "" where nothing is to be changed, or the choice was not measured."""
+    """The advice as options of `visray render`; "" where nothing is to be changed, or its settings are not known."""
     if report.noiseless:
         return "--spp 1" if advice(report).startswith("Use") else ""
-    chosen = _advised(report)
+    chosen = _advised(report) or _between(report)
     return " ".join(_option(a, v) for a, v in changes(chosen, report.default).items()) if chosen else ""
 
 
 def reason(report: Report) -> str:
     """What the advice rests on, in one sentence: time and error of the advised choice, and of the scene as it is. ""
-    where no measured choice is advised."""
+    where no choice is advised, or its measurement is not known."""
     chosen, own = _advised(report), report.default
     if chosen is None:
-        return ""
+        return "This lies between two choices that were measured." if _between(report) else ""
     return (
         f"Measured: {duration(chosen.seconds.middle)} in place of {duration(own.seconds.middle)}, and an error of "
         f"{percent(chosen.error.rmse.middle)} in place of {percent(own.error.rmse.middle)}."
@@ -65,12 +66,19 @@ def reason(report: Report) -> str:
 
 
 def halving(report: Report) -> str:
-    """What to do for half of the error, and what it costs, in one sentence; "" where nothing was to be halved."""
-    best = next((h for h in report.halvings if isfinite(h.factor.middle)), None)
+    """What to do for half of the error, and what it costs, in one sentence; "" where nothing was to be halved, or the
+    advice says it."""
+    best = _half(report)
     if best is None:
         return "No single setting halves the error within what was measured." if report.halvings else ""
-    beyond = BEYOND if best.beyond else ""
-    return f"For half of the error, use {_choice(best, report)}: it takes {times(best.factor)}{beyond}."
+    if best is _best(report):
+        return ""
+    beyond, choice = BEYOND if best.beyond else "", _choice(best, report)
+    if best.factor.middle < 1 and not (report.savings or report.noiseless):
+        # The advice is to keep the settings.
+        unsure = "this is too uncertain to advise it"
+        return f"For half of the error, try {choice}: it may take {times(best.factor)}{beyond}, but {unsure}."
+    return f"For half of the error, use {choice}: it takes {times(best.factor)}{beyond}."
 
 
 def present(report: Report) -> str:
@@ -81,12 +89,36 @@ def present(report: Report) -> str:
     return f"As it is, the scene takes {duration(d.seconds)} for a picture of {size}, and has {error}."
 
 
+def _half(report: Report) -> Price | None:
+    """The cheapest way to half of the error; None if none is known."""
+    return next((h for h in report.halvings if isfinite(h.factor.middle)), None)
+
+
+def _best(report: Report) -> Price | None:
+    """What the advice is about: the best measured choice; where none is better, half of the error, if that surely takes
+    less time and lies between measured choices. None: nothing is better."""
+    if report.noiseless:
+        return None
+    if report.savings:
+        return report.savings[0]
+    half = _half(report)
+    return half if half and half.factor.high < 1 and not half.beyond else None
+
+
+def _between(report: Report) -> Record | None:
+    """A record with the settings that the advice is about, where they were not measured, but other numbers of samples
+    per pixel with the same settings; else None."""
+    best = _best(report)
+    if report.savings or best is None or not (is_samples(best.setting) or best.setting == TOGETHER):
+        return None
+    near = next((p for p in report.records if p.setting == best.setting), None)
+    return near and replace(near, settings=near.settings | {SPP: best.value})
+
+
 def _advised(report: Report) -> Record | None:
     """The record that the advice is about; None if it advises no change, or none of the records."""
-    if report.noiseless or not report.savings:
-        return None
-    best = report.savings[0]
-    return next((p for p in report.records if (p.setting, p.value) == (best.setting, best.value)), None)
+    best = _best(report)
+    return best and next((p for p in report.records if (p.setting, p.value) == (best.setting, best.value)), None)
 
 
 def _option(address: str, value: Any) -> str:

@@ -272,7 +272,8 @@ CHANGES = {
     "a texture's edges": at("textures.image.wrap", "mirror"),
     "other textures": lambda s: at("materials.box.texture", "squares")(at("materials.floor.texture", "image")(s)),
     "colours": at("textures.squares.a", (1.0, 0.0, 0.0)),
-    "a sky": at("background", (0.1, 0.2, 0.3)),
+    "a turned sky": at("background.rotation", 77.0),
+    "a brighter sky": at("background.intensity", 2.0),
     "ambient light": at("ambient", (1.0, 1.0, 1.0)),
 }
 

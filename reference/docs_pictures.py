@@ -68,6 +68,7 @@ TROUBLES_SIZE = (190, 150)
 # page, and the options of `visray render`.
 SCENES = {
     "materials": ("docs/materials-and-lights.md", 0, "--size 480x320 --spp 64"),
+    "glass-of-water": ("docs/materials-and-lights.md", 1, "--size 480x400 --spp 256"),
     "csg": ("docs/csg.md", 0, "--spp 64"),
     "csg-open": ("docs/csg.md", 1, "--spp 64"),
     "data": ("docs/data.md", 0, "--spp 64 --allow-outside"),

@@ -21,6 +21,7 @@ from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import Primitive, scalars
+from visray.records import altered
 from visray.scene.scene import Scene
 
 
@@ -43,7 +44,8 @@ def differentiable(scene: Scene, wrt: Sequence[str]) -> Scene:
             # An instance is a body, as all transparent meshes are. No name of a geometry has a dot.
             geometry = f"objects.{name}"
             geometries[geometry] = obj
-            objects[name] = Instance(geometry=geometry, material=obj.material)
+            plain = Instance(geometry=name, material=obj.material)
+            objects[name] = altered(plain, {"geometry": geometry})
     if not objects:
         return scene
     return replace(scene, objects=scene.objects | objects, geometries=scene.geometries | geometries)

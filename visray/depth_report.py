@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from visray.adaptive.depth_bias import deeper_than, depth_without_bias, with_depth
+from visray.adaptive.dual_buffer import QUANTILE
 from visray.errors import DepthWarning
 from visray.film import Film
 from visray.output.curves import LUMINANCE
@@ -29,8 +30,6 @@ MORE_PAIRS = 8
 WORK, LEAST_SAMPLES = 32, 2**14
 # Error that is worth a warning, as a share of the mean luminance.
 NOTABLE = 0.01
-# Standard errors from the estimate to the end of an interval that holds with a probability of 97.5 %.
-QUANTILE = 1.96
 
 
 def depth_facts(prepared: Prepared, film: Film, progress: bool, interrupts: Interrupts) -> dict[str, float]:

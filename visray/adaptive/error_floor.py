@@ -24,6 +24,8 @@ from visray.warn import warn
 DEPTH_SHARE = 0.05
 # Factor by which the number of test pixels grows if the first estimate of the depth bias is too uncertain.
 MORE_PIXELS = 8
+# A depth leaves room for noise if its squared bias is at most this share of the squared error.
+ROOM = 1 / 4
 LARGER = "ask for a larger error"
 FILES = {
     ".png": ("8-bit output as PNG", f"write an .exr file, or {LARGER}"),
@@ -144,7 +146,7 @@ def _deep_enough(buffer: DualBuffer, absolute: float) -> int | None:
     biases = depth_biases(buffer, deeper, reference_depth) if deeper else []
     # The reference depth counts as free of bias.
     last = min(reference_depth, DEEPEST)
-    return next((b.depth for b in biases if b.high <= absolute**2 / 4), last if last > depth else None)
+    return next((b.depth for b in biases if b.high <= ROOM * absolute**2), last if last > depth else None)
 
 
 def check_precision(error: float, precision: str) -> None:

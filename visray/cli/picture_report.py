@@ -10,17 +10,9 @@ if TYPE_CHECKING:
 # The facts that --json reports: for every picture, for pictures with --error or --time, and for pictures of polynomial
 # surfaces or tori.
 FACTS = (
-    "spp",
-    "seed",
-    "precision",
-    "backend",
-    "features",
-    "scene_hash",
-    "render_seconds",
-    "threads",
-    "error_at_most",
+    "spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads", "error_at_most",
     "depth_error_at_least",
-)
+)  # fmt: skip
 ADAPTIVE_FACTS = (
     "sampler", "spp_least", "spp_most", "error", "error_low", "error_high", "depth_error", "file_error", "error_asked",
     "time_asked", "time_missed", "unseen_error", "unseen", "small_object_pixels", "forecast_error", "forecast_spp",

@@ -19,7 +19,7 @@ import numpy as np
 from visray import clock
 from visray.adaptive.depth_bias import deeper_than, depth_biases, depth_without_bias
 from visray.adaptive.dual_buffer import DualBuffer
-from visray.adaptive.error_floor import LARGER, Files, check_precision
+from visray.adaptive.error_floor import LARGER, ROOM, Files, check_precision
 from visray.adaptive.evidence import NotANumber
 from visray.adaptive.result import adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
@@ -43,8 +43,6 @@ from visray.study.cost.writing import duration, interval, number, percent
 
 # The squared bias of a depth or of single precision is at most this share of the squared error.
 BELOW = 1 / 16
-# If no depth leaves out so little, one that leaves room for noise: its squared bias is at most this share.
-ROOM = 1 / 4
 # Samples per pixel, in each half, that measure what a depth leaves out.
 PILOT = 4
 # Renders with the same settings are repeated, by turns, up to RENDERS times until they took so many seconds together.
@@ -157,6 +155,7 @@ class _Tuner:
             return {}
         own, biases = self.own[DEPTH], self.depth_biases()
         points = {p.value: p for c in self.report.curves if c.setting == "depth" for p in c.points}
+        # If no depth leaves out so little, one that leaves room for noise.
         for share in (BELOW, ROOM):
             for depth in sorted(biases):
                 faster = depth in points and points[depth].seconds.high < self.report.default.seconds.low
